@@ -26,7 +26,7 @@ import textwrap
 import pytest
 from recordings import box, drive, published, SOURCE, START, write
 from rosbags.highlevel import AnyReader
-from sat_collision.replay.cli.command import main
+from sat_collision.replay.command import main
 from sat_collision.replay.model.configuration import parameters_of_file
 from sat_collision.replay.model.result import Options
 from sat_collision.replay.output.bag import write_example
@@ -37,8 +37,8 @@ pytest.importorskip('matplotlib')
 from matplotlib.colors import to_hex  # noqa: E402, I100
 from matplotlib.patches import Rectangle  # noqa: E402
 from matplotlib.text import Text  # noqa: E402
-from sat_collision.replay.output.drawing import CONTACT, rows_of  # noqa: E402
 from sat_collision.replay.output.figure import draw_picture, write_picture  # noqa: E402
+from sat_collision.replay.output.text import RED, rows_of  # noqa: E402
 
 SECOND = 10**9
 WITHOUT_ROS = """
@@ -294,7 +294,7 @@ def test_bars_are_in_the_rows_of_their_footprints():
     _, rows, *_ = draw_picture(result).axes
     bars = {rows.get_yticklabels()[round(patch.get_y() + patch.get_height() / 2)].get_text():
             (patch.get_x(), patch.get_x() + patch.get_width()) for patch in rows.patches
-            if isinstance(patch, Rectangle) and to_hex(patch.get_facecolor()) == CONTACT}
+            if isinstance(patch, Rectangle) and to_hex(patch.get_facecolor()) == RED}
     assert bars == {contact.footprint: pytest.approx(
         (result.since(contact.first), result.since(contact.last))) for contact in result.contacts}
 
@@ -317,7 +317,7 @@ def test_short_contact_is_visible_on_a_long_axis():
     assert len(result.contacts) == 1
     curves, rows, _ = draw_picture(result).axes
     for axes in (curves, rows):
-        bar, = (patch for patch in axes.patches if to_hex(patch.get_facecolor()) == CONTACT)
+        bar, = (patch for patch in axes.patches if to_hex(patch.get_facecolor()) == RED)
         assert bar.get_window_extent().width >= 2.0
 
 

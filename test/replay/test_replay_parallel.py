@@ -22,8 +22,8 @@ import signal
 
 import pytest
 from recordings import drive, NAMES, published, write
-from sat_collision.replay.cli import command
-from sat_collision.replay.cli.command import main
+from sat_collision.replay import command
+from sat_collision.replay.command import main
 from sat_collision.replay.model.result import Options, Verdict
 from sat_collision.replay.run import check
 

@@ -24,8 +24,8 @@ from xml.etree import ElementTree
 
 import pytest
 from recordings import box, drive, write
-from sat_collision.replay.cli import command
-from sat_collision.replay.cli.command import main
+from sat_collision.replay import command
+from sat_collision.replay.command import main
 from sat_collision.replay.run import check
 
 CLEAR = drive(2.0, contact=(0, 0))

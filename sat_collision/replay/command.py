@@ -34,8 +34,8 @@ import sys
 import traceback
 
 from sat_collision.extras import in_one_line, missing, unexpected
+from sat_collision.replay.arguments import parse
 from sat_collision.replay.bag.storage import check_bag_writer
-from sat_collision.replay.cli.arguments import parse
 from sat_collision.replay.model.configuration import (
     parameter_of_text, parameters_of_file, settings_of)
 from sat_collision.replay.model.result import Options, overall, Result, Verdict

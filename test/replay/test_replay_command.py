@@ -29,10 +29,10 @@ import pytest
 from recordings import box, drive, run_without, SOURCE, START, write
 from rosbags.rosbag2 import Reader
 from sat_collision.demo import warehouse
-from sat_collision.replay.cli.command import main
+from sat_collision.replay.command import main
 from sat_collision.replay.output.text import Progress
 
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture

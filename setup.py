@@ -70,7 +70,7 @@ setup(
         'console_scripts': [
             'footprint_monitor = sat_collision.node.__main__:main',
             'sat_collision_demo = sat_collision.demo.__main__:main',
-            'prepare_kernels = sat_collision.prepare_kernels:main',
+            'prepare_kernels = sat_collision.replay.kernels:main',
             'replay_check = sat_collision.replay.__main__:main',
         ],
     },

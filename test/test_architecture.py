@@ -33,7 +33,6 @@ BELOW = {
     'node': {'extras', 'sat_collision', 'monitor', 'messages', 'scene', 'geometry'},
     'replay': {'extras', 'sat_collision', 'monitor', 'messages', 'scene', 'geometry'},
     'demo': {'extras', 'geometry'},
-    'prepare_kernels': {'extras', 'replay', 'geometry'},
 }
 # The modules that may import numba.
 COMPILERS = tuple(f'sat_collision.geometry.{name}'

@@ -59,7 +59,7 @@ def test_docstrings_have_working_examples(name):
 def test_kernels_are_prepared_without_optional_libraries():
     absent = ['argcomplete', 'lz4', 'rclpy', 'rosbags', 'yaml']
     program = (f'import sys; sys.modules.update(dict.fromkeys({absent}))\n'
-               'from sat_collision.prepare_kernels import main; sys.exit(main())')
+               'from sat_collision.replay.kernels import main; sys.exit(main())')
     result = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True,
                             env={**os.environ, 'NUMBA_DISABLE_JIT': '1'})
     assert (result.returncode, result.stderr) == (0, '')

@@ -30,17 +30,28 @@ import os
 import subprocess
 import sys
 import time
+from typing import NamedTuple, TYPE_CHECKING
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Point32, PolygonStamped
+from matplotlib.animation import PillowWriter
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.patheffects import withStroke
+from matplotlib.textpath import TextPath
 from nav_msgs.msg import Odometry
+import numpy as np
 import rclpy
 from rclpy.node import Node
 from sat_collision.demo import warehouse
-from sat_collision.demo.picture import Frame, write_movie, write_picture
 from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _PERIOD = 0.05
 _STATIC_STEPS = 20
@@ -70,6 +81,10 @@ _PARAMETERS: dict[str, object] = {
     f'{warehouse.BRAKES}.min_time_to_collision': _BRAKES_AHEAD,
     **{f'{name}.timeout': _TIMEOUT for name in (*_ROBOTS, 'warehouse', 'people')},
 }
+# Texts are drawn larger than in the markers, because a picture cannot be zoomed.
+_ENLARGED = 1.3
+_WORDS = {'clear': ('clear', '#1a9933'), 'imminent': ('COLLISION AHEAD', '#c06000'),
+          'collision': ('COLLISION', '#d11919'), 'unknown': ('unknown', '#555555')}
 
 
 class _Publisher(Node):
@@ -151,6 +166,14 @@ class _Publisher(Node):
         self._topics[topic].publish(message)
 
 
+class _Frame(NamedTuple):
+    """What the node published at one time (s): the state of each footprint, and the markers."""
+
+    time: float
+    states: dict[str, str]
+    markers: MarkerArray
+
+
 class _Viewer(Node):
     """Records and prints what the node publishes."""
 
@@ -160,7 +183,7 @@ class _Viewer(Node):
         # The obstacles in contact or ahead, one after the other.
         self.met: dict[str, list[str]] = {name: [] for name in _ROBOTS}
         self._states = dict.fromkeys(_ROBOTS, 'unknown')
-        self.frames: list[Frame] = []
+        self.frames: list[_Frame] = []
         self.is_shown = False
         # When the first robot was seen to be clear: the scene has begun.
         self._start: float | None = None
@@ -200,7 +223,7 @@ class _Viewer(Node):
         self.is_shown = True
         # Before the scene begins and after it ends all states are unknown.
         if 'clear' in self._states.values():
-            self.frames.append(Frame(self.elapsed, dict(self._states), markers))
+            self.frames.append(_Frame(self.elapsed, dict(self._states), markers))
 
     def show_progress(self) -> None:
         share = min(self.elapsed / warehouse.DURATION, 1.0)
@@ -266,24 +289,82 @@ def _is_right(viewer: _Viewer) -> bool:
     return is_right
 
 
-def _draw(frames: Sequence[Frame], picture: str, movie: str) -> bool:
+def _draw(frames: Sequence[_Frame], picture: str, movie: str) -> bool:
     """Write picture and animation; return whether there was a contact to draw."""
     first = next((frame for frame in frames if any(
         marker.ns.startswith('contacts/') for marker in frame.markers.markers)), None)
     if first is None:
         return False
-    write_picture(first, warehouse.BOUNDS, picture)
+    figure = Figure(figsize=(9.0, 5.0))
+    FigureCanvasAgg(figure)
+    _draw_frame(first, figure)
+    figure.savefig(picture, dpi=120)
     print(f'wrote {picture}', flush=True)
-    shown: list[Frame] = []
+    shown: list[_Frame] = []
     for frame in frames:
         if not shown or frame.time - shown[-1].time >= _FRAME_PERIOD:
             shown.append(frame)
-    rate = round(_SPEEDUP * len(shown) / shown[-1].time)
+    writer = PillowWriter(fps=round(_SPEEDUP * len(shown) / shown[-1].time))
     # Begin with a contact, for viewers that show only the first frame.
     shown.sort(key=lambda frame: frame.time < first.time)
-    write_movie(shown, warehouse.BOUNDS, rate, movie)
+    with writer.saving(figure, movie, dpi=92):
+        for frame in shown:
+            figure.clear()
+            _draw_frame(frame, figure)
+            writer.grab_frame()
     print(f'wrote {movie}', flush=True)
     return True
+
+
+def _draw_frame(frame: _Frame, figure: Figure) -> None:
+    """Draw the markers, and above them the time and the states."""
+    axes = figure.add_axes((0.06, 0.1, 0.925, 0.84))
+    min_x, min_y, max_x, max_y = warehouse.BOUNDS
+    axes.set(xlim=(min_x, max_x), ylim=(min_y, max_y))
+    _draw_markers(frame.markers, axes)
+    axes.set_title(f'{frame.time:4.1f} s', loc='left', family='monospace')
+    for number, (name, state) in enumerate(frame.states.items()):
+        word, colour = _WORDS[state]
+        axes.text(0.11 + 0.21 * number, 1.02, f'{name}: {word}', color=colour,
+                  transform=axes.transAxes)
+
+
+def _draw_markers(markers: MarkerArray, axes: Axes) -> None:
+    """Draw markers as RViz would from above, into axes whose limits are set."""
+    for marker in markers.markers:
+        colour = np.array([marker.color.r, marker.color.g, marker.color.b])
+        # Blended with the white background.
+        colour = 1.0 - marker.color.a * (1.0 - colour)
+        height = 2.0 + marker.pose.position.z
+        points = np.array([(point.x, point.y) for point in marker.points]).reshape(-1, 2)
+        if marker.type == marker.TRIANGLE_LIST:
+            # Antialiased edges would leave light lines between triangles.
+            axes.add_collection(PolyCollection(
+                list(points.reshape(-1, 3, 2)), facecolor=colour, linewidth=0.0,
+                antialiased=False, zorder=height))
+        elif marker.type == marker.LINE_LIST:
+            axes.add_collection(LineCollection(
+                list(points.reshape(-1, 2, 2)), colors=[colour],
+                linewidths=60.0 * marker.scale.x, zorder=height))
+        elif marker.type == marker.SPHERE_LIST:
+            x, y = points.T
+            axes.scatter(x, y, color=[colour], s=1500.0 * marker.scale.x**2, zorder=height)
+        elif marker.type == marker.TEXT_VIEW_FACING:
+            # Centred, as in RViz, but moved into the picture.
+            size = _ENLARGED * marker.scale.z
+            text = TextPath((0.0, 0.0), marker.text, size=size)
+            (left, low), (right, high) = text.get_extents().get_points()
+            place = marker.pose.position
+            least, most = axes.get_xlim()
+            begin = (min(max(place.x - (left + right) / 2, least - left), most - right),
+                     place.y - (low + high) / 2)
+            axes.add_patch(PathPatch(TextPath(begin, marker.text, size=size),
+                                     facecolor=colour, linewidth=0.0, zorder=height + 1.0,
+                                     path_effects=[withStroke(linewidth=3.0,
+                                                              foreground='white')]))
+    axes.set_aspect('equal')
+    axes.set_xlabel('x [m]')
+    axes.set_ylabel('y [m]')
 
 
 def show(args: Sequence[str] | None = None) -> int:

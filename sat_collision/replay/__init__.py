@@ -14,12 +14,14 @@
 """
 Checks of recordings: what touched, and what the monitor would have said.
 
-cli      the command replay_check
-run      one recording through the monitor
-live     what the monitor would have said, over time
-motion   contacts by recorded motion
-output   results for people, machines and other nodes
-model    options, configuration, topics, results
-bag      reading and writing recordings
-kernels  compiled kernels, or plain Python if compiling would take longer
+command    what the command replay_check does, for one recording or for many at a time
+arguments  what its command line means
+run        one recording through the monitor
+order      messages in the order in which a run takes them
+live       what the monitor would have said, over time
+motion     contacts by recorded motion
+output     results for people, machines and other nodes
+model      options, configuration, topics, results
+bag        reading and writing recordings
+kernels    compiled kernels, or plain Python if compiling would take longer
 """

@@ -36,13 +36,13 @@ def main(args: Sequence[str] | None = None) -> int:
     try:
         with _insistent_interrupts():
             # Imported here, as an interrupt may come during these slow imports.
-            from sat_collision.replay.cli.arguments import parse
+            from sat_collision.replay.arguments import parse
             options = parse(args)
             from sat_collision.replay.kernels import choose, prepare
             # The workers of a cluster have kernels of their own.
             if not options.dask and choose(options.bags, options.limits):
                 prepare(lambda words: print(f'replay_check: {words}', file=sys.stderr))
-            from sat_collision.replay.cli.command import run
+            from sat_collision.replay.command import run
             return run(options)
     except KeyboardInterrupt:
         print('replay_check: interrupted', file=sys.stderr)

@@ -24,6 +24,7 @@ from array import array
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 import contextlib
+from functools import partial
 from pathlib import Path
 import struct
 import sys
@@ -80,13 +81,25 @@ def prepare(say: Callable[[str], object]) -> None:
 
 
 def main() -> int:
-    """Compile all kernels ahead of the first start; return the exit status."""
+    """
+    Compile all kernels ahead of the first start; return the exit status.
+
+    This is the command prepare_kernels. Where libraries that replay_check needs are missing, the
+    kernels of the node and the library are compiled.
+    """
+    say = partial(print, flush=True)
     try:
         import sat_collision.replay.run  # noqa: F401
     except ModuleNotFoundError as error:
-        print(f'prepare_kernels: {missing(error)}', file=sys.stderr)
-        return 1
-    prepare(lambda words: print(words, flush=True))
+        if str(error.name).startswith('sat_collision'):
+            raise
+        from sat_collision.geometry.preparation import prepare_pairs, Preparation
+        say(f'preparing the library only, without replay_check: {missing(error)}')
+        preparation = Preparation(say, say)
+        prepare_pairs()
+        preparation.complete()
+        return 0
+    prepare(say)
     mark = _mark()
     if mark is None:
         print('nothing is compiled here, so there is nothing to keep')
@@ -115,17 +128,22 @@ _SQUARE = ((0, 0), (1, 0), (1, 1), (0, 1))
 
 
 class _WarmUp:
-    """A stand-in for a Recording: a non-convex robot, and two obstacles that pass it."""
+    """
+    A stand-in for a Recording: a non-convex robot, and two obstacles that pass it.
+
+    It has more messages than recorded motion processes together, because a source that is new
+    takes its first ones one by one.
+    """
 
     path = Path('warm-up')
-    start, end = _SECOND, 2 * _SECOND
+    start, end = _SECOND, 6 * _SECOND
     latched: frozenset[str] = frozenset()
     problems: tuple[str, ...] = ()
     topics = {'/footprint': _TYPES[0], '/obstacles': _TYPES[0]}
     counts: Counter[str] = Counter()
 
     def rows(self, *_: object) -> Iterator[Row]:
-        for tick in range(21):
+        for tick in range(101):
             time = _SECOND + tick * _SECOND // 20
             yield '/footprint', [time], [_message(time, _NOTCHED, 0.01 * tick)]
             for ring, x in ((_SQUARE, 0.3 * tick - 3.0), (_NOTCHED, 9.0 - 0.4 * tick)):

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from itertools import groupby
 from math import inf
 from operator import itemgetter
@@ -26,9 +26,6 @@ from operator import itemgetter
 import numpy as np
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.query import separation
-from sat_collision.messages.ingest import Batch
-from sat_collision.monitor import Monitor
-from sat_collision.replay.bag.storage import Row
 from sat_collision.replay.model.keyframes import Keyframes, ShownBody, Tape
 from sat_collision.replay.model.result import (
     Contact, FootprintResult, Least, Series, Unknown, Unknowns)
@@ -49,9 +46,9 @@ class SceneTape(Tape):
         """Write the current scene; of several at one time that with the deepest contact counts."""
         if self._times[-1:] != [now]:
             self._times.append(now)
-        self._write((now, depth, *(
+        self.write(now, depth, *(
             [(str(name), polygon.vertices.tobytes()) for name, polygon in bodies]
-            for bodies in (self._scene.footprints, self._scene.obstacles))))
+            for bodies in (self._scene.footprints, self._scene.obstacles)))
 
     def develop(self, moments: Iterable[int], end: int) -> Keyframes:
         """Return keyframes at the times of the scenes that were current at some moments."""
@@ -92,10 +89,8 @@ class Timeline:
         self.contacts: list[Contact] = []
         # The open contacts by footprint and obstacle, only for footprints that have any.
         self.touching: dict[str, dict[ObstacleId, Contact]] = {}
-        self.footprints = footprints
-        self.notes: list[str] = []
-        self._results = {result.name: result for result in self.footprints}
-        self._series = {result.name: Series(result.separation) for result in self.footprints}
+        self._results = {result.name: result for result in footprints}
+        self._series = {result.name: Series(result.separation) for result in footprints}
         self._since: dict[str, tuple[int, Status]] = {}
         self._unknowns = Unknowns()
         self._measured: dict[tuple[str, ObstacleId], list[Polygon]] = {}
@@ -120,19 +115,16 @@ class Timeline:
     def deepen(self, now: int) -> None:
         """Measure the open contacts of bodies that have moved."""
         for name, contacts in self.touching.items():
-            # In a fixed order, because of equal depths the first counts.
-            for obstacle, *bodies in sorted(self._scene.contacts(name), key=_name_and_place):
+            for obstacle, *bodies in self._scene.contacts(name):
                 contact = contacts.get(obstacle)
                 if contact is None or self._measured.get((name, obstacle)) == bodies:
                     continue
                 self._measured[name, obstacle] = bodies
                 # Subtracted from 0.0 instead of negated, which would give -0.0 for touching.
-                depth = 0.0 - separation(*bodies)
-                if contact.deepen(depth, now, *bodies):
-                    self._results[name].note_least(Least(
-                        0.0 - depth, now, contact.obstacle, contact.x, contact.y))
+                if contact.deepen(0.0 - separation(*bodies), now, *bodies):
+                    self._results[name].note_contact(contact)
                     if self._tape:
-                        self._tape.keep(now, depth)
+                        self._tape.keep(now, contact.depth)
 
     def sample(self, now: int) -> None:
         """Record how far each footprint is from the nearest obstacle, and keep the scene."""
@@ -178,39 +170,3 @@ class Timeline:
             self.touching[name] = contacts
         else:
             self.touching.pop(name, None)
-
-
-def _name_and_place(contact: tuple[ObstacleId, Polygon, Polygon]) -> tuple[object, ...]:
-    obstacle, _, other = contact
-    return obstacle, other.bounds
-
-
-class Rows:
-    """Yields messages one by one, and skips those that `receive_run` has passed on."""
-
-    def __init__(self, rows: Iterable[Row]) -> None:
-        self._rows = rows
-        self._times: list[int] = []
-        self._batch = Batch(())
-        self._taken = 0
-
-    def __iter__(self) -> Iterator[tuple[str, int, list[bytes]]]:
-        for topic, times, messages in self._rows:
-            self._times, self._batch, self._taken = times, Batch(messages), 0
-            while (taken := self._taken) < len(times):
-                self._taken += 1
-                yield topic, times[taken], [messages[taken]]
-
-    def receive_run(self, monitor: Monitor, name: str, now: int, bound: float) -> int:
-        """
-        Pass the next messages to a monitor if they only add to the set of the last one.
-
-        No deadline or timer is due until the bound, in ns. Returns the time of the last message
-        that was received.
-        """
-        if self._taken < len(self._times) and self._times[-1] <= bound:
-            taken = monitor.receive_run(name, self._batch, self._taken, now)
-            if taken:
-                self._taken += taken
-                now = max(now, self._times[self._taken - 1])
-        return now

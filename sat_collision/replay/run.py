@@ -29,16 +29,16 @@ from sat_collision.messages.transform_listener import TF_STATIC, TRANSFORM_TOPIC
 from sat_collision.monitor import Monitor
 from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.bag.storage import Row
-from sat_collision.replay.live import Rows, SceneTape, Timeline
+from sat_collision.replay.live import SceneTape, Timeline
 from sat_collision.replay.model.configuration import (
     all_sources, is_subscribed, missing_topics, settings_for, TRANSFORM_TYPE, TWIST_TYPE,
     wrong_types)
 from sat_collision.replay.model.result import (
     FootprintResult, HEADER, moments_of, Options, RECEIVE, Result, SourceResult)
-from sat_collision.replay.motion.order import StampOrder, Timed, WINDOW
 from sat_collision.replay.motion.prediction import HORIZON
 from sat_collision.replay.motion.tape import MotionTape
-from sat_collision.replay.motion.walk import Motion, MotionTimeline
+from sat_collision.replay.motion.walk import Motion
+from sat_collision.replay.order import Rows, StampOrder, Timed, WINDOW
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.scene import OVERTAKEN
 from sat_collision.scene.settings import NEVER, Settings
@@ -62,21 +62,10 @@ _LONGEST_QUIET = 60 * 10**9
 def check(path: str | Path, options: Options = Options(),
           progress: OnProgress | None = None) -> Result:
     """
-    Check a recording.
+    Check a recording: a rosbag2 directory, or a storage file.
 
-    Parameters
-    ----------
-    path : str or Path
-        A rosbag2 directory or storage file.
-    options : Options
-    progress : callable, optional
-        Called from time to time with the fraction of messages that are done.
-
-    Returns
-    -------
-    Result
-        Its problems say what is wrong with the recording or the parameters.
-
+    Problems of the result say what is wrong with the recording or the parameters. `progress` is
+    called from time to time with the fraction of messages that are done.
     """
     with Recording(path, options.limits) as recording:
         result = check_recording(recording, options, progress)
@@ -108,8 +97,9 @@ class _Run:
         self._settings = settings
         self._options = options
         self._result = result
-        footprints = [FootprintResult(footprint.name, footprint.topic, footprint.enabled)
-                      for footprint in settings.footprints]
+        footprints = self._footprints = [
+            FootprintResult(footprint.name, footprint.topic, footprint.enabled)
+            for footprint in settings.footprints]
         self._transforms = [topic for topic in TRANSFORM_TOPICS if settings.frame_id
                             and recording.topics.get(topic) == TRANSFORM_TYPE]
         # Not yet passed to recorded motion; at once with outlines, which look up transforms.
@@ -123,7 +113,7 @@ class _Run:
         self._timers: list[Timer] = []
         self._motion: Motion | None = None
         self._live: Timeline | None = None
-        self._timeline: Timeline | MotionTimeline
+        self._timeline: Timeline | Motion
         self._tape: SceneTape | MotionTape | None = None
         if options.as_live:
             if options.keyframes:
@@ -132,11 +122,10 @@ class _Run:
             self._timers.append(Timer(options.sample, self._live.sample))
         else:
             if options.keyframes:
-                self._tape = MotionTape(options.limits.disk)
-            self._motion = Motion(
-                settings, self._monitor.transforms, footprints, self._tape,
+                self._tape = MotionTape(options.limits.disk, settings.footprints)
+            self._timeline = self._motion = Motion(
+                settings, self._scene, self._monitor.transforms, footprints, self._tape,
                 None if options.min_ttc is None else max(HORIZON, options.min_ttc))
-            self._timeline = MotionTimeline(self._scene, self._motion, footprints)
         self._outputs: BagOutputs | None = None
         self._now = 0
         self._due: float = NEVER
@@ -180,10 +169,10 @@ class _Run:
                          sum(count for reason, count in rejected.items()
                              if reason in _OF_CONTENT))
             for source in all_sources(self._settings)]
-        result.footprints = self._timeline.footprints
+        result.footprints = self._footprints
         result.contacts = self._timeline.contacts
         result.unknown = self._timeline.unknown
-        result.notes += self._timeline.notes
+        result.notes += self._motion.notes if self._motion else []
         if self._tape and self._tape.is_full:
             result.notes.append('there was more to draw than --max-disk allows to keep')
         elif self._tape and result.end is not None and (moments := moments_of(result)):
@@ -210,7 +199,11 @@ class _Run:
             (topic, 0 if topic in TRANSFORM_TOPICS else header_stamp(data), [data])
             for topic, _, messages in read for data in messages)
         if self._options.write_bag:
-            self._write_outputs(self._options.write_bag)
+            from sat_collision.replay.output.bag import BagOutputs
+            outputs = self._outputs = BagOutputs(
+                self._options.write_bag, self._options.node, self._settings, self._scene)
+            self._timers += [Timer(1.0 / self._settings.publish_rate, outputs.publish),
+                             Timer(1.0 / self._settings.marker_rate, outputs.publish_markers)]
         # The first message of a latched topic is the first one that its publisher sent.
         numbers = dict.fromkeys(self._recording.latched & names.keys(), 1)
         if not by_header:
@@ -283,12 +276,6 @@ class _Run:
         stamps = (header_stamp(data) for topic, _, messages in self._recording.peek(names)
                   if self._recording.topics[topic] != TWIST_TYPE for data in messages)
         return next(filter(None, stamps), None)
-
-    def _write_outputs(self, path: str) -> None:
-        from sat_collision.replay.output.bag import BagOutputs
-        self._outputs = BagOutputs(path, self._options.node, self._settings, self._scene)
-        self._timers += [Timer(1.0 / self._settings.publish_rate, self._outputs.publish),
-                         Timer(1.0 / self._settings.marker_rate, self._outputs.publish_markers)]
 
     def _keep(self, rejections: Iterable[Rejection]) -> None:
         """Reset the poses of rejected footprints, and keep the first example of each reason."""

@@ -461,10 +461,15 @@ class Scene:
         return frame_id, None if at is None else (self._now - at) / 1e9
 
     def contacts(self, name: str) -> list[tuple[ObstacleId, Polygon, Polygon]]:
-        """Return (ObstacleId, Polygon of the footprint, Polygon of the obstacle) per contact."""
+        """
+        Return (ObstacleId, Polygon of the footprint, Polygon of the obstacle) per contact.
+
+        They are sorted by name, and then by place: two sets may hold an obstacle of the same name.
+        """
         footprint = self._footprints[name]
-        return [(obstacle.name, own, other) for obstacle in footprint.contacts
-                if (own := footprint.polygon) and (other := obstacle.polygon)]
+        return sorted(((obstacle.name, own, other) for obstacle in footprint.contacts
+                       if (own := footprint.polygon) and (other := obstacle.polygon)),
+                      key=lambda contact: (contact[0], contact[2].bounds))
 
     def nearest(self, name: str, apart: bool = False) -> Nearest | None:
         """

@@ -208,7 +208,7 @@ def test_interrupt_within_generated_code(start, place):
     (place / 'home' / 'interrupted.py').write_text("""
 import os, signal, sys
 from sat_collision.replay import __main__
-from sat_collision.replay.cli import arguments
+from sat_collision.replay import arguments
 
 class HalfMade:
     def __init__(self):

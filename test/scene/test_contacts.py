@@ -21,7 +21,8 @@ from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.footprints import Footprint
 from sat_collision.scene.obstacle_store import ObstacleStore
 from sat_collision.scene.obstacles import Obstacle
-from stage import CART, ROBOT, square, Stage, UNTIMED_LIDAR, UNTIMED_ROBOT
+from stage import (
+    CART, INSTANCES, ROBOT, square, Stage, UNTIMED_LIDAR, UNTIMED_ROBOT, with_robot)
 
 
 @pytest.fixture
@@ -145,3 +146,16 @@ def test_gap_within_the_margin_is_a_collision():
     stage.wait_until(1)
     stage.robot(0.5)
     assert stage.status() == 'collision'
+
+
+def test_contacts_are_sorted_by_name_and_place():
+    """So that all that is drawn and published of them is the same in each run."""
+    stage = with_robot(INSTANCES)
+    for key in reversed(range(40)):
+        stage.see(0.01 * key, instance=key)
+    stage.restart()
+    for key in range(40):
+        stage.see(-0.01 * key, stamp=0.5, instance=key)
+    found = stage.scene.contacts('robot')
+    assert [(obstacle.key, other.bounds[0]) for obstacle, _, other in found] == [
+        place for key in range(40) for place in ((key, -0.01 * key), (key, 0.01 * key))]

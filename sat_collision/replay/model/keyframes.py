@@ -113,7 +113,8 @@ class Tape:
         self._max_bytes = max_bytes
         self._file = tempfile.TemporaryFile(prefix='replay_check_')
 
-    def _write(self, event: tuple[Any, ...]) -> None:
+    def write(self, *event: Any) -> None:
+        """Keep an event; what it is made of must be fit for pickle."""
         if self.is_full:
             return
         pickle.dump(event, self._file, pickle.HIGHEST_PROTOCOL)

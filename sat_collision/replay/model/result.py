@@ -20,7 +20,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 import enum
 from heapq import merge
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 from sat_collision.replay.bag.storage import Limits
 
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from sat_collision.geometry.polygon import Polygon
     from sat_collision.replay.model.keyframes import Keyframes, ShownBody
 
+_Number = TypeVar('_Number', int, float)
 Sample: TypeAlias = tuple[int, 'float | None']  # a time in ns, and a separation or the like
 
 NODE = '/footprint_monitor'
@@ -186,6 +187,11 @@ class FootprintResult:
         if self.least is None or found.separation < self.least.separation:
             self.least = found
 
+    def note_contact(self, contact: Contact) -> None:
+        """Record the separation where a contact is deepest if it is the least so far."""
+        self.note_least(Least(0.0 - contact.depth, contact.deepest, contact.obstacle, contact.x,
+                              contact.y, contact.found))
+
 
 @dataclass
 class SourceResult:
@@ -323,6 +329,17 @@ def least_of(series: Iterable[list[Sample]]) -> Iterable[Sample]:
         before = time, least_of_all(latest.values())
     if before is not None:
         yield before
+
+
+def joined(intervals: Iterable[tuple[_Number, _Number]], gap: float = 0
+           ) -> list[tuple[_Number, _Number]]:
+    """Return the union of intervals, in their order; those no more than a gap apart are one."""
+    found: list[tuple[_Number, _Number]] = []
+    for first, last in sorted(intervals):
+        if found and first <= found[-1][1] + gap:
+            first, last = found[-1][0], max(last, found.pop()[1])
+        found.append((first, last))
+    return found
 
 
 def least_of_all(values: Iterable[float | None]) -> float | None:

@@ -14,7 +14,6 @@
 """
 Recorded motion: where everything was between two messages, and which contacts that made.
 
-order         messages in the order of their own stamps
 bodies        sets of outlines, and their linear motion from one set to the next
 trajectories  the trajectory of a footprint
 tracker       which body is which from one message to the next

@@ -29,16 +29,18 @@ from sat_collision.messages.cdr import POINT_SIZE
 from sat_collision.messages.ingest import Placement
 from sat_collision.replay.motion.kernels import (
     COUNT, describe, EARLIEST, END, FINISH, FIRST, follow, LAST, LATEST, MAY_REPEAT, MOTIONS,
-    MOTIONS_BEGIN, motions_between, MOTIONS_END, MOVED, POINTS, ROWS, STAMP, START)
+    MOTIONS_BEGIN, motions_between, MOTIONS_END, MOVED, POINT, POINTS_END, ROW, ROWS_END, STAMP,
+    START)
 from sat_collision.scene.obstacles import ObstacleId
 
 Floats: TypeAlias = NDArray[np.float64]
 Integers: TypeAlias = NDArray[np.int64]
 
+# The longest motion that is interpolated, whatever the timeout, ns.
+LONGEST = 10 * 10**9
 _IDENTITY = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0
 _NO_PLANES = np.empty((0, len(_IDENTITY)))
 _NO_ENDS = np.empty(0, np.int64)
-_NO_NUMBERS = [0] * (MOTIONS_END + 1)
 
 
 class MotionArrays(NamedTuple):
@@ -91,15 +93,15 @@ class Block:
         self.points = np.empty((at // POINT_SIZE, 2))
         self.rings: Integers = np.empty((rings, 4), np.int64)
         self.boxes = np.empty((rings, 4))
-        self.sets: Integers = np.zeros((len(sets), len(_NO_NUMBERS)), np.int64)
+        self.sets: Integers = np.zeros((len(sets), MOTIONS_END + 1), np.int64)
         described = self.points, self.rings, self.boxes, self.sets
         describe(b''.join(pieces), np.array(messages, np.int64).reshape(-1, LAST + 1),
                  np.concatenate(ends), maps, described)
-        if longest:
+        if longest and len(sets):
             rows, next_rows = np.empty((2, rings), np.int64)
             self.motions = MotionArrays.of(rows, next_rows, len(self.points))
             follow(described, longest, tuple(self.motions))
-        self.numbers: list[list[int]] = [_NO_NUMBERS, *self.sets.tolist()]
+        self.numbers: list[list[int]] = self.sets.tolist()
 
 
 class Bodies:
@@ -114,8 +116,8 @@ class Bodies:
                  max_vertices: int = MAX_VERTICES, frame_id: str = '',
                  is_between: bool = False) -> None:
         self._described = block
-        numbers = block.numbers[number + 1]
-        self._count = numbers[ROWS] - block.numbers[number][ROWS]
+        self._numbers = numbers = block.numbers[number]
+        self._count = numbers[ROWS_END] - numbers[ROW]
         # None if the stamps are not those of the block.
         self.block: Block | None = block
         self.number = number
@@ -138,23 +140,19 @@ class Bodies:
     @cached_property
     def points(self) -> Floats:
         """The points of all bodies, see `describe`; so are the rings and boxes."""
-        return self._described.points[self._part(POINTS)]
+        return self._described.points[self._numbers[POINT]:self._numbers[POINTS_END]]
 
     @cached_property
     def rings(self) -> Integers:
-        return self._described.rings[self._part(ROWS)]
+        return self._described.rings[self._numbers[ROW]:self._numbers[ROWS_END]]
 
     @cached_property
     def boxes(self) -> Floats:
-        return self._described.boxes[self._part(ROWS)]
+        return self._described.boxes[self._numbers[ROW]:self._numbers[ROWS_END]]
 
     @cached_property
     def _polygons(self) -> dict[int, Polygon]:
         return {}
-
-    def _part(self, column: int) -> slice:
-        before, own = self._described.numbers[self.number:self.number + 2]
-        return slice(before[column], own[column])
 
     @property
     def stamps(self) -> Integers:
@@ -195,8 +193,7 @@ class Bodies:
     def followed(self) -> int:
         """How many bodies of the set before it in the block were matched to one of it."""
         assert self.block is not None
-        last, numbers = self.block.numbers[self.number:self.number + 2]
-        return numbers[MOTIONS] - last[MOTIONS]
+        return self._numbers[MOTIONS] - self.block.numbers[self.number - 1][MOTIONS]
 
     def ring(self, row: int) -> Floats:
         """Return the vertices of a body as received, (n, 2)."""
@@ -251,15 +248,7 @@ class LinearMotion:
         return moving[:, :2] + moved
 
     def polygon(self, i: int, time: int) -> Polygon:
-        """
-        Return a body at a time.
-
-        Raises
-        ------
-        PolygonError
-            If its vertices do not make a valid polygon at that time.
-
-        """
+        """Return a body at a time; PolygonError if its vertices make no valid polygon then."""
         if time <= self.starts[i] or not self.moved[i]:
             return self.before.polygon(int(self.rows[i]))
         if time >= self.finishes[i]:
@@ -279,14 +268,14 @@ def motion_between(before: Bodies, after: Bodies, rows: Integers,
 def motion_in_block(before: Bodies, after: Bodies) -> list[LinearMotion]:
     """Return the motion from the set before in the block; nothing if no body was matched."""
     assert after.block is not None
-    numbers, motions = after.block.numbers, after.block.motions
-    former, last, own = numbers[before.number:before.number + 3]
+    motions = after.block.motions
+    last, own = after.block.numbers[before.number:after.number + 1]
     if last[MOTIONS] == own[MOTIONS]:
         return []
     found = slice(last[MOTIONS], own[MOTIONS])
     return [LinearMotion(before, after, MotionArrays(
         motions.rows[found], motions.next_rows[found],
-        motions.array[STRIDE * former[POINTS]:STRIDE * last[POINTS]], motions.times[found],
+        motions.array[STRIDE * last[POINT]:STRIDE * own[POINT]], motions.times[found],
         motions.boxes[found], motions.moved[found]), own[MOTIONS_BEGIN], own[MOTIONS_END])]
 
 

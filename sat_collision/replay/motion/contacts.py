@@ -351,8 +351,7 @@ class Contacts:
         """Record how deep a contact is at a time, and where; and the obstacle's name then."""
         if contact.deepen(depth, time, *bodies):
             contact.deepest_as = str(name)
-            self._result.note_least(Least(0.0 - depth, time, contact.obstacle, contact.x,
-                                          contact.y, contact.found))
+            self._result.note_contact(contact)
 
     def series(self) -> Series:
         """Return a new series, for the separations from the nearest obstacles of one tracker."""

@@ -27,7 +27,7 @@ from sat_collision.geometry.packing import CONVEX, pack
 
 # The bytes of a float32, and the float32s of a point in a message.
 _WORD = 4
-_POINT = 3
+_NUMBERS = 3
 # A key of these bits times the factor, plus any 32-bit word, fits into 64 bits.
 _FACTOR = 1_000_003
 _KEY_BITS = 2**42 - 1
@@ -40,10 +40,11 @@ END, START, FINISH = range(3)
 # Columns of messages, or runs of them: the set, how many rings there are, where the data begins,
 # the stamp, where in each message points start, and where in the data the last ones end.
 SET, RINGS, DATA, TIME, POINTS_AT, LAST = range(6)
-# Columns of sets: where the rings end, and the points; the first and the last stamp of a ring, 0
-# if there is none; whether two rings may be equal bit by bit as received (always 1 if two are);
-# where the motions that lead to the set end, when the first begins, and when the last ends.
-ROWS, POINTS, EARLIEST, LATEST, MAY_REPEAT, MOTIONS, MOTIONS_BEGIN, MOTIONS_END = range(8)
+# Columns of sets: where the rings begin and end, and the points; the first and the last stamp of a
+# ring, 0 if there is none; whether two rings may be equal bit by bit as received (always 1 if two
+# are); where the motions that lead to the set end, when the first begins, and when the last ends.
+(ROW, ROWS_END, POINT, POINTS_END, EARLIEST, LATEST, MAY_REPEAT, MOTIONS, MOTIONS_BEGIN,
+ MOTIONS_END) = range(10)
 
 
 @kernel
@@ -70,8 +71,8 @@ def describe(data, messages, ends, affines, out):
         and MOVED, which is 0 until the motion is known.
     boxes : (n, 4) array of float64
         min x, min y, max x, max y.
-    sets : (s, 8) array of int64
-        ROWS, POINTS, EARLIEST, LATEST and MAY_REPEAT are written; all must be 0 before.
+    sets : (s, 10) array of int64
+        ROW to MAY_REPEAT are written; all must be 0 before.
 
     """
     words, values = words_and_floats(data)
@@ -91,7 +92,7 @@ def describe(data, messages, ends, affines, out):
                 if i < row - 1:
                     end = ends[listed]
                     listed += 1
-                length = (end - at) // (_WORD * _POINT)
+                length = (end - at) // (_WORD * _NUMBERS)
                 at = (data_at + at) // _WORD
                 last = start + length - 1
                 key = length
@@ -102,7 +103,7 @@ def describe(data, messages, ends, affines, out):
                         key = (_FACTOR * key + np.int64(words[word])) & _KEY_BITS
                     x = values[at]
                     y = values[at + 1]
-                    at += _POINT
+                    at += _NUMBERS
                     if len(affines):
                         # As `packing.moved_points`.
                         a, b, c, d, e, f = affines[message]
@@ -124,8 +125,8 @@ def describe(data, messages, ends, affines, out):
                 sets[s, LATEST] = max(sets[s, LATEST], stamp)
             i += 1
             message += 1
-        sets[s, ROWS] = i
-        sets[s, POINTS] = start
+        sets[s, ROW], sets[s, ROWS_END] = first, i
+        sets[s, POINT], sets[s, POINTS_END] = base, start
         keys[first:i].sort()
         for k in range(first + 1, i):
             if keys[k] == keys[k - 1]:
@@ -145,27 +146,22 @@ def follow(described, longest, motions):
     """
     points, rings, boxes, sets = described
     rows, next_rows, array, times, bounds, moved = motions
-    first = row = first_point = point = count = 0
-    places = _places(boxes[:0])
-    for s in range(len(sets)):
-        next_row = sets[s, ROWS]
-        next_point = sets[s, POINTS]
-        next_places = _places(boxes[row:next_row])
-        if s > 0:
-            found = _mutual(rings[first:row], places, rings[row:next_row], next_places, longest,
-                            rows[count:], next_rows[count:])
-            if found > 0:
-                end = count + found
-                begun, ended = motions_between(
-                    points[first_point:point], rings[first:row], rows[count:end],
-                    points[point:next_point], rings[row:next_row], next_rows[count:end],
-                    (array[STRIDE * first_point:STRIDE * point], times[count:end],
-                     bounds[count:end], moved[count:end]))
-                sets[s, MOTIONS_BEGIN] = begun
-                sets[s, MOTIONS_END] = ended
-                count = end
+    count = 0
+    places = _places(boxes[:sets[0, ROWS_END]])
+    for s in range(1, len(sets)):
+        first, row, end = sets[s - 1, ROW], sets[s, ROW], sets[s, ROWS_END]
+        begin, point = sets[s - 1, POINT], sets[s, POINT]
+        next_places = _places(boxes[row:end])
+        found = _mutual(rings[first:row], places, rings[row:end], next_places, longest,
+                        rows[count:], next_rows[count:])
+        if found > 0:
+            last, count = count, count + found
+            sets[s, MOTIONS_BEGIN], sets[s, MOTIONS_END] = motions_between(
+                points[begin:point], rings[first:row], rows[last:count],
+                points[point:sets[s, POINTS_END]], rings[row:end], next_rows[last:count],
+                (array[STRIDE * begin:STRIDE * point], times[last:count], bounds[last:count],
+                 moved[last:count]))
         sets[s, MOTIONS] = count
-        first, row, first_point, point = row, next_row, point, next_point
         places = next_places
 
 
@@ -256,13 +252,13 @@ def motions_between(points, rings, rows, next_points, next_rings, next_rows, out
 
     A ring may begin at any of its vertices, so those of two rings are matched by the cyclic shift
     with the least sum of squared distances, and of equal ones by the smallest. A ring whose
-    orientation has changed is read backwards.
+    orientation has changed is read backwards. MOVED is set for rings of the next set that have
+    moved. Returned is when the first motion begins and when the last ends.
 
     Parameters
     ----------
     points, rings, next_points, next_rings : array
-        Of each set, as `describe` writes them; MOVED is set for rings of the next set that have
-        moved.
+        Of each set, as `describe` writes them.
     rows, next_rows : (m,) array of int64
         Which ring becomes which; both have equally many points.
     out : tuple
@@ -275,11 +271,6 @@ def motions_between(points, rings, rows, next_points, next_rings, next_rows, out
         The bounds of the whole motion.
     moved : (m,) array of float64
         How far the vertex that moves furthest goes, metres.
-
-    Returns
-    -------
-    begin, end : int
-        When the first begins and the last ends.
 
     """
     array, times, boxes, moved = out

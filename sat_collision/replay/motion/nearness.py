@@ -22,7 +22,8 @@ from sat_collision.geometry.jit import kernel, scratch
 from sat_collision.geometry.layout import Packed, packed_size
 from sat_collision.geometry.moving import STRIDE
 from sat_collision.replay.motion.kernels import (
-    COUNT, EARLIEST, END, FINISH, FIRST, LATEST, MOTIONS, pack_ring, POINTS, ROWS, START)
+    COUNT, EARLIEST, END, FINISH, FIRST, LATEST, MOTIONS, pack_ring, POINT, POINTS_END, ROW,
+    ROWS_END, START)
 
 # Bound of the rounding error of a separation or a motion, relative to the largest coordinate.
 SLACK = 1e-12
@@ -164,10 +165,8 @@ def look(trajectory, bodies, margin, steps, times, values):
                 trajectory, (low, high), bodies, s, k, (packed, other), margin)
         if may_touch:
             continue
-        first = sets[s - 2, ROWS] if s > 1 else 0
-        row, end = sets[s - 1, ROWS], sets[s, ROWS]
-        point = sets[s - 2, POINTS] if s > 1 else 0
-        next_point = sets[s - 1, POINTS]
+        first, row, end = sets[s - 1, ROW], sets[s, ROW], sets[s, ROWS_END]
+        point = sets[s, POINT]
         count = 0
         for k in range(motions, motions_end):
             if moved[k] == 0.0:
@@ -175,16 +174,16 @@ def look(trajectory, bodies, margin, steps, times, values):
                 count += 1
         at = looks
         if count > 0:
-            before = boxes[first:row], points[point:next_point], rings[first:row]
+            before = boxes[first:row], points[sets[s - 1, POINT]:point], rings[first:row]
             for k in range(low, high):
-                n = pack_ring(own, samples[k - 1, POINTS], own_rings[k, COUNT], packed)
+                n = pack_ring(own, samples[k, POINT], own_rings[k, COUNT], packed)
                 nearest, values[at] = _least((packed, n), own_boxes[k], still[:count], before,
                                              -math.inf, found)
                 times[at] = (samples[k, EARLIEST], nearest, 1 if count == row - first else 0)
                 may_touch = may_touch or math.isnan(values[at])
                 at += 1
         n = _pack_at(trajectory, high, samples[high - 1, MOTIONS], finish, packed)
-        after = boxes[row:end], points[next_point:sets[s, POINTS]], rings[row:end]
+        after = boxes[row:end], points[point:sets[s, POINTS_END]], rings[row:end]
         nearest, values[at] = _least((packed, n), around(own_boxes[high - 1], own_boxes[high]),
                                      numbers[:end - row], after, margin, found)
         times[at] = (finish, nearest, 2)
@@ -238,14 +237,14 @@ def _farthest(box):
 def _pack_at(block, s, k, time, packed):
     """Pack a body at a time on motion k to a set; return its count, 0 if it is not convex then."""
     points, rings, _, sets, rows, next_rows, array, times, _, _ = block
-    i = rows[k] + (sets[s - 2, ROWS] if s > 1 else 0)
-    first = sets[s - 2, POINTS] if s > 1 else 0
+    i = rows[k] + sets[s - 1, ROW]
+    first = sets[s - 1, POINT]
     start, finish = times[k, START], times[k, FINISH]
     if time <= start:
         return pack_ring(points, first + rings[i, FIRST], rings[i, COUNT], packed)
     if time >= finish:
-        i = next_rows[k] + sets[s - 1, ROWS]
-        return pack_ring(points, sets[s - 1, POINTS] + rings[i, FIRST], rings[i, COUNT], packed)
+        i = next_rows[k] + sets[s, ROW]
+        return pack_ring(points, sets[s, POINT] + rings[i, FIRST], rings[i, COUNT], packed)
     n = rings[i, COUNT]
     at = STRIDE * first + (times[k - 1, END] if k > sets[s - 1, MOTIONS] else 0)
     share = (time - start) / (finish - start)

@@ -26,15 +26,15 @@ from __future__ import annotations
 from bisect import bisect_right, insort
 from collections.abc import Iterable
 from math import inf
-from operator import attrgetter
+from operator import attrgetter, itemgetter
 from sys import maxsize
 from typing import TypeAlias
 
 import numpy as np
 from sat_collision.geometry.polygon import Polygon, PolygonError
 from sat_collision.geometry.polygon_set import PolygonSet
-from sat_collision.replay.model.result import FootprintResult, Sample, Series, Soonest, Unknown
-from sat_collision.replay.motion.bodies import Floats, LinearMotion
+from sat_collision.replay.model.result import FootprintResult, Series, Soonest, Unknown
+from sat_collision.replay.motion.bodies import LinearMotion
 from sat_collision.replay.motion.tracker import Step
 from sat_collision.replay.motion.trajectories import Trajectory
 from sat_collision.scene.parameters import outline_of
@@ -103,7 +103,7 @@ class Prediction:
             if seconds < (least.time_to_collision if least else inf):
                 result.soonest = Soonest(seconds, time, obstacle)
         series = Series(result.time_to_collision)
-        for sample in sorted(samples.items(), key=_time):
+        for sample in sorted(samples.items(), key=itemgetter(0)):
             series.add(*sample)
 
     def _velocity(self, piece: LinearMotion, time: int) -> Velocity | None:
@@ -132,8 +132,9 @@ class Prediction:
         moved = motion.after.middles[motion.next_rows] - motion.before.middles[motion.rows]
         velocities = moved / np.maximum(finishes - starts, 1)[:, None] * 1e9
         speeds = velocity.fastest(own.bounds) + np.hypot(*velocities.T)
-        near = _gaps(np.array(own.bounds), motion.boxes) <= (
-            _SLACK + self._margin + self._horizon * speeds)
+        box, boxes = np.array(own.bounds), motion.boxes
+        gaps = np.maximum(boxes[:, :2] - box[2:], box[:2] - boxes[:, 2:]).max(axis=1)
+        near = gaps <= _SLACK + self._margin + self._horizon * speeds
         names, polygons, rows = [], [], []
         for i in np.flatnonzero(near & (starts <= time) & (time < finishes)).tolist():
             try:
@@ -146,13 +147,3 @@ class Prediction:
             own, velocity.twist, self._horizon, velocities[rows], velocity.pose,
             margin=self._margin)
         return (found[1], names[found[0]]) if found else (inf, '')
-
-
-def _gaps(box: Floats, boxes: Floats) -> Floats:
-    """Return the larger of the gaps along x and y of each box from one, < 0 if they overlap."""
-    gaps: Floats = np.maximum(boxes[:, :2] - box[2:], box[:2] - boxes[:, 2:]).max(axis=1)
-    return gaps
-
-
-def _time(sample: Sample) -> int:
-    return sample[0]

@@ -21,38 +21,29 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from sat_collision.replay.model.keyframes import Keyframes, ShownBody, Tape
-from sat_collision.replay.motion.bodies import Bodies, Floats, LinearMotion
-from sat_collision.replay.motion.tracker import LONGEST, Step, Tracker
+from sat_collision.replay.motion.bodies import Floats, LinearMotion, LONGEST
+from sat_collision.replay.motion.tracker import Step
 from sat_collision.replay.motion.trajectories import Trajectory
 from sat_collision.scene.obstacles import ObstacleId
+from sat_collision.scene.settings import FootprintSettings
 
 
 class MotionTape(Tape):
-    """The motion by which contacts are decided, in a temporary file; see Tape."""
+    """
+    The motion by which contacts are decided, in a temporary file; see Tape.
 
-    def __init__(self, max_bytes: int) -> None:
+    An event is the id of a tracker and a step of its source; or the name of a footprint and a
+    sample of it, None if its pose is unknown until the next one.
+    """
+
+    def __init__(self, max_bytes: int, footprints: Sequence[FootprintSettings]) -> None:
         super().__init__(max_bytes)
-        self._numbers: dict[Tracker, int] = {}
-        self._timeouts: dict[str, float] = {}
-
-    def name(self, footprint: str, timeout: float) -> None:
-        """Name a footprint, and its timeout in ns."""
-        self._timeouts[footprint] = timeout
-
-    def follow(self, tracker: Tracker, step: Step) -> None:
-        """Keep a step of a source."""
-        number = self._numbers.setdefault(tracker, len(self._numbers))
-        self._write((number, step))
-
-    def place(self, footprint: str, sample: Bodies | None) -> None:
-        """Keep a sample of a footprint; None if its pose is unknown until the next one."""
-        self._write((footprint, sample))
+        self._footprints = footprints
 
     def develop(self, moments: Sequence[int], end: int) -> Keyframes:
         """Return keyframes at some moments; the recording ends at a time in ns."""
         keyframes = Keyframes(moments)
-        trajectories = {name: Trajectory(timeout, LONGEST)
-                        for name, timeout in self._timeouts.items()}
+        trajectories = {one.name: Trajectory(one) for one in self._footprints}
         motion = _Developer(keyframes)
         for key, event in self._events():
             if isinstance(event, Step):

@@ -32,13 +32,11 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from sat_collision.messages.ingest import Placement
 from sat_collision.replay.motion.bodies import (
-    Block, Bodies, LinearMotion, motion_between, motion_in_block, stay)
-from sat_collision.replay.motion.kernels import COUNT, MOVED, mutual_nearest, ROWS
+    Block, Bodies, LinearMotion, LONGEST, motion_between, motion_in_block, stay)
+from sat_collision.replay.motion.kernels import COUNT, MOVED, mutual_nearest
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import NEVER, ObstacleSettings, POLYGON_INSTANCE
 
-# The longest motion that is interpolated, whatever the timeout, ns.
-LONGEST = 10 * 10**9
 # Bodies known by id or shape are processed together if stamped within this of the first, ns.
 _TOGETHER = 10**8
 
@@ -255,10 +253,9 @@ class SetTracker(Tracker):
         return seen
 
     def _set(self, placements: Sequence[Placement], block: Block, number: int = 0) -> Bodies:
-        count = block.numbers[number + 1][ROWS] - block.numbers[number][ROWS]
-        if count > len(self._names):
-            self._names += [ObstacleId(self._source, k) for k in range(len(self._names), count)]
-        return self._bodies(self._names, placements, block, number)
+        bodies = self._bodies(self._names, placements, block, number)
+        self._names += [ObstacleId(self._source, k) for k in range(len(self._names), len(bodies))]
+        return bodies
 
     def _follow(self, last: Bodies, seen: Bodies) -> list[LinearMotion]:
         """Return the motion from one set to the next, nothing if no body was matched."""

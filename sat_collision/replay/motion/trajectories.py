@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
+from contextlib import suppress
 from functools import cached_property, reduce
 from typing import TypeAlias
 
@@ -25,11 +26,11 @@ from sat_collision.geometry.polygon import Affine2D, Polygon, PolygonError
 from sat_collision.messages.cdr import Points
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.replay.motion.bodies import (
-    Block, Bodies, Floats, LinearMotion, motion_between)
+    Block, Bodies, Floats, LinearMotion, LONGEST, motion_between)
 from sat_collision.replay.motion.kernels import COUNT
 from sat_collision.replay.motion.nearness import around
 from sat_collision.scene.frames import NoTransform
-from sat_collision.scene.settings import NEVER
+from sat_collision.scene.settings import FootprintSettings, NEVER
 
 NUMBERS = 3  # a point's, in a message
 _ONE = np.zeros(1, np.int64)
@@ -63,13 +64,14 @@ class Trajectory:
 
     A piece leads from one sample to the next if no refused footprint came between them, if they
     are no further apart in time than the timeout, and if they have as many vertices. A sample
-    alone is a piece without length. Times are in ns; the timeout may be NEVER, and no motion
-    longer than `longest` is interpolated.
+    alone is a piece without length. Times are in ns.
     """
 
-    def __init__(self, timeout: float, longest: int) -> None:
+    def __init__(self, settings: FootprintSettings) -> None:
+        timeout = round(settings.timeout * 1e9) or NEVER
         self._never_stale = timeout == NEVER
-        self.longest = round(min(timeout, longest))
+        # The longest motion that is interpolated.
+        self.longest = round(min(timeout, LONGEST))
         # The block of the samples that are being added, if any.
         self.block: Block | None = None
         # The stamp of the last sample.
@@ -180,15 +182,13 @@ class Trajectory:
     def outline(self, time: int) -> Polygon | None:
         """Return the outline at a time, None if it is not known."""
         if self._outline[0] != time:
-            self._outline = time, self._find_outline(time)
+            piece = self._piece_at(time)
+            outline = None
+            if piece is not None:
+                with suppress(PolygonError):
+                    outline = piece.motion.polygon(0, time)
+            self._outline = time, outline
         return self._outline[1]
-
-    def _find_outline(self, time: int) -> Polygon | None:
-        piece = self._piece_at(time)
-        try:
-            return None if piece is None else piece.motion.polygon(0, time)
-        except PolygonError:
-            return None
 
     def _piece_at(self, time: int) -> Piece | None:
         """Return the first piece that includes a time; pieces that meet share the sample there."""

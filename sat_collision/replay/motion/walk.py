@@ -29,18 +29,17 @@ from typing import Any
 
 from sat_collision.messages.ingest import Placement
 from sat_collision.messages.transform_listener import TransformListener
-from sat_collision.replay.model.result import Contact, FootprintResult, Unknown, Unknowns
-from sat_collision.replay.motion.bodies import Block, Bodies
+from sat_collision.replay.model.result import (
+    Contact, FootprintResult, joined, Unknown, Unknowns)
+from sat_collision.replay.motion.bodies import Block, Bodies, LONGEST
 from sat_collision.replay.motion.contacts import Contacts, ContactTracker
 from sat_collision.replay.motion.prediction import Prediction
 from sat_collision.replay.motion.tape import MotionTape
-from sat_collision.replay.motion.tracker import (
-    Emit, KeyTracker, LONGEST, SetTracker, Step, Tracker)
+from sat_collision.replay.motion.tracker import Emit, KeyTracker, SetTracker, Step, Tracker
 from sat_collision.replay.motion.trajectories import Poses, Trajectory
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.scene import Scene
-from sat_collision.scene.settings import (
-    FootprintSettings, NEVER, ObstacleSettings, POLYGON_INSTANCE, Settings)
+from sat_collision.scene.settings import FootprintSettings, POLYGON_INSTANCE, Settings
 from sat_collision.scene.velocity import Command
 
 
@@ -58,13 +57,11 @@ class Sweep:
                  horizon: float | None, max_vertices: int) -> None:
         self.settings = settings
         self.result = result
-        self.timeout = round(settings.timeout * 1e9) or NEVER
         self._names = [ObstacleId(settings.name, 0)]
         self._max_vertices = max_vertices
         self._margin = margin
         self._keep = keep
-        self._longest = round(2 * min(self.timeout, LONGEST))
-        self.trajectory = Trajectory(self.timeout, LONGEST)
+        self.trajectory = Trajectory(settings)
         self.contacts = Contacts(result, contacts, self.trajectory)
         self.prediction = (None if horizon is None
                            else Prediction(settings, self.trajectory, horizon, margin))
@@ -82,7 +79,7 @@ class Sweep:
 
     @property
     def is_decided(self) -> bool:
-        """Whether there was a decision against all sources that had bodies."""
+        """Whether it was ever decided against each source that had bodies."""
         return all(one.decided for one in self._contact_trackers.values())
 
     @property
@@ -139,7 +136,7 @@ class Sweep:
 
     def _known_until(self, now: int) -> int:
         """Return until when the trajectory is complete: known, or too old for another sample."""
-        over, latest = now - self._longest - 1, self.trajectory.latest
+        over, latest = now - 2 * self.trajectory.longest - 1, self.trajectory.latest
         return over if latest is None else max(latest, over)
 
 
@@ -147,15 +144,21 @@ class Motion:
     """
     Decides whether footprints touched obstacles, from the placements in messages.
 
-    Results are filled in, and a tape for drawing, if given. Footprints with an outline in the
-    parameters are placed by transforms. Without a horizon, in s, no collisions are predicted.
+    When footprints are unknown, the scene says. Results are filled in, and a tape for drawing, if
+    given. Footprints with an outline in the parameters are placed by transforms. Without a
+    horizon, in s, no collisions are predicted.
     """
 
-    def __init__(self, settings: Settings, transforms: TransformListener,
-                 results: list[FootprintResult], tape: MotionTape | None = None,
+    def __init__(self, settings: Settings, scene: Scene, transforms: TransformListener,
+                 footprints: list[FootprintResult], tape: MotionTape | None = None,
                  horizon: float | None = None) -> None:
-        # In the order in which they were found.
+        # In the order in which they are found; in the end, in that of their beginning.
         self.contacts: list[Contact] = []
+        # Remarks for the report.
+        self.notes: list[str] = []
+        self._scene = scene
+        self._unknowns = Unknowns()
+        self._start: int | None = None
         self._now = 0
         self._transforms = transforms
         self._tape = tape
@@ -164,14 +167,26 @@ class Motion:
         self._sources = {source.name: source for source in settings.obstacles}
         # By source, and whether the bodies have stamps: a source of sets may have both.
         self._trackers: dict[tuple[str, bool], Tracker] = {}
-        keep = 3 * max(map(_longest, settings.obstacles), default=0)
-        footprints = {one.name: one for one in settings.footprints}
+        keep = 3 * max((min(round(source.timeout * 1e9) or LONGEST, LONGEST)
+                        for source in settings.obstacles), default=0)
         self._sweeps = {result.name: Sweep(
-            footprints[result.name], result, self.contacts, settings.margin, keep, horizon,
-            settings.max_vertices) for result in results}
-        if tape:
-            for name, sweep in self._sweeps.items():
-                tape.name(name, sweep.timeout)
+            one, result, self.contacts, settings.margin, keep, horizon, settings.max_vertices)
+            for one, result in zip(settings.footprints, footprints)}
+
+    @property
+    def unknown(self) -> list[Unknown]:
+        """The times in which footprints are unknown, in the order of their beginning."""
+        return self._unknowns.intervals
+
+    def change(self, names: Iterable[str], now: int) -> None:
+        """Take from the scene whether footprints are unknown from now on."""
+        if self._start is None:
+            self._start = now
+        for name in names:
+            reasons = list(self._scene.unknown_reasons(name))
+            self._unknowns.follow(name, reasons, now)
+            if not reasons:
+                self._sweeps[name].result.ever_known = True
 
     def place(self, placements: Sequence[Placement]) -> None:
         """Process placements, given in the order of stamps."""
@@ -219,25 +234,35 @@ class Motion:
         if name in self._sweeps:
             self._sweeps[name].trajectory.lose()
             if self._tape:
-                self._tape.place(name, None)
+                self._tape.write(name, None)
 
     def finish(self, end: int) -> None:
-        """Decide all remaining steps at the end of the recording."""
+        """Decide all remaining steps at the end of the recording, and complete the results."""
+        self._unknowns.finish(end)
         self._now = end
         latest = [sweep.trajectory.latest for sweep in self._sweeps.values()]
         # Obstacles after the last footprint are of no interest.
         last = max((time for time in latest if time is not None), default=end)
         for tracker in self._trackers.values():
             tracker.rest(last, is_over=True)
-        for sweep in self._sweeps.values():
+        start = end if self._start is None else self._start
+        for name, sweep in self._sweeps.items():
             sweep.finish(end)
-
-    def draw_curves(self, unknown: Iterable[Unknown]) -> None:
-        """Fill in separations and times to collision, with gaps at Unknown intervals."""
-        for sweep in self._sweeps.values():
-            sweep.contacts.draw_curve(unknown)
+            sweep.contacts.draw_curve(self.unknown)
+            result = sweep.result
             if sweep.prediction:
-                sweep.prediction.finish(sweep.result, unknown)
+                sweep.prediction.finish(result, self.unknown)
+            if result.ever_known and not sweep.is_decided:
+                result.ever_known = False
+                self.notes.append(f'{name}: at no time is it known where it and the obstacles '
+                                  'are; --as-live tells what the monitor would have said')
+            touching = [*_times(self.contacts, name)]
+            unknown = [*_times(self.unknown, name)]
+            result.collision = _length(touching, start, end)
+            both = _length(touching + unknown, start, end)
+            result.unknown = both - result.collision
+            result.clear = end - start - both
+        self.contacts.sort(key=attrgetter('first'))
 
     def undetermined(self, name: str) -> int:
         """Return for how long (ns) the motion of a footprint or of obstacles was not known."""
@@ -245,10 +270,6 @@ class Motion:
             return self._sweeps[name].undetermined
         return sum(tracker.undetermined for (source, _), tracker in self._trackers.items()
                    if source == name)
-
-    def is_decided(self, name: str) -> bool:
-        """Return whether a footprint was ever decided against each source that had bodies."""
-        return self._sweeps[name].is_decided
 
     def _place_footprint(self, sweep: Sweep, placement: Placement, sample: Bodies) -> None:
         if placement.frame_id != self._frame_id:
@@ -265,7 +286,7 @@ class Motion:
             if poses is None:
                 trajectory.lose_piece(stamp)
                 if self._tape:
-                    self._tape.place(placement.name, None)
+                    self._tape.write(placement.name, None)
             for time, affine in poses or ():
                 self._add(sweep, time, sweep.sample(Block(
                     [[placement._replace(stamp=time, affine=affine)]]), is_between=True))
@@ -278,7 +299,7 @@ class Motion:
         """Add a sample to the trajectory of a footprint."""
         sweep.trajectory.add(time, sample)
         if self._tape:
-            self._tape.place(sweep.settings.name, sample)
+            self._tape.write(sweep.settings.name, sample)
 
     def _emit_of(self, source: str) -> Emit:
         """Return the callback for the steps of a source, which queues them for footprints."""
@@ -286,65 +307,10 @@ class Motion:
 
         def emit(tracker: Tracker, step: Step) -> None:
             if self._tape:
-                self._tape.follow(tracker, step)
+                self._tape.write(id(tracker), step)
             for sweep in concerned:
                 sweep.queue(tracker, step, self._now)
         return emit
-
-
-class MotionTimeline:
-    """Joins the contacts of recorded motion with the Unknown intervals of the scene."""
-
-    def __init__(self, scene: Scene, motion: Motion, footprints: list[FootprintResult]) -> None:
-        self._scene = scene
-        self._motion = motion
-        # In the order of their beginning, once all is decided.
-        self.contacts: list[Contact] = motion.contacts
-        self.footprints = footprints
-        # Remarks for the report.
-        self.notes: list[str] = []
-        self._results = {result.name: result for result in footprints}
-        self._unknowns = Unknowns()
-        self._start: int | None = None
-
-    @property
-    def unknown(self) -> list[Unknown]:
-        """The Unknown intervals, in the order of their beginning."""
-        return self._unknowns.intervals
-
-    def change(self, names: Iterable[str], now: int) -> None:
-        """Update the Unknown intervals of footprints."""
-        if self._start is None:
-            self._start = now
-        for name in names:
-            reasons = list(self._scene.unknown_reasons(name))
-            self._unknowns.follow(name, reasons, now)
-            if not reasons:
-                self._results[name].ever_known = True
-
-    def finish(self, now: int) -> None:
-        """Decide the remaining steps, and end open intervals."""
-        self._unknowns.finish(now)
-        self._motion.finish(now)
-        self._motion.draw_curves(self.unknown)
-        self.contacts.sort(key=attrgetter('first'))
-        start = now if self._start is None else self._start
-        for name, result in self._results.items():
-            if result.ever_known and not self._motion.is_decided(name):
-                result.ever_known = False
-                self.notes.append(f'{name}: at no time is it known where it and the obstacles '
-                                  'are; --as-live tells what the monitor would have said')
-            touching = [*_times(self.contacts, name)]
-            unknown = [*_times(self.unknown, name)]
-            result.collision = _length(touching, start, now)
-            both = _length(touching + unknown, start, now)
-            result.unknown = both - result.collision
-            result.clear = now - start - both
-
-
-def _longest(source: ObstacleSettings) -> int:
-    """Return the longest motion of a source's obstacles that is interpolated, ns."""
-    return min(round(source.timeout * 1e9) or LONGEST, LONGEST)
 
 
 def _times(intervals: Iterable[Contact | Unknown], name: str) -> Iterator[tuple[int, int]]:
@@ -353,10 +319,6 @@ def _times(intervals: Iterable[Contact | Unknown], name: str) -> Iterator[tuple[
 
 def _length(intervals: Iterable[tuple[int, int]], start: int, end: int) -> int:
     """Return the total length of the union of intervals, within start and end."""
-    total, reached = 0, start
-    for first, last in sorted(intervals):
-        first, last = max(first, reached), min(last, end)
-        if last > first:
-            total += last - first
-            reached = last
-    return total
+    within = [(max(first, start), min(last, end)) for first, last in intervals
+              if first < end and last > start]
+    return sum(last - first for first, last in joined(within))

@@ -15,10 +15,9 @@
 """
 Results for people, machines and other nodes.
 
-text       tables, colours and progress on a terminal
+text       the report and progress on a terminal; words, colours and rows of charts for all
 formats    JSON, CSV and JUnit XML; what differs from a result stored before
 figure     a picture
 page       a page for a browser
-drawing    colours, words and rows of a Gantt chart, for pictures and pages
 bag        a bag of what the node would have published, and of the example
 """

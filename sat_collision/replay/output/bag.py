@@ -148,7 +148,11 @@ class _ByRosbags:
         self._connections[topic] = self._writer.add_connection(topic, kind, typestore=self._store)
 
     def write(self, topic: str, time: int, data: bytes) -> None:
-        self._writer.write(self._connections[topic], time, data)
+        connection = self._connections[topic]
+        # ROS leaves in padding what was in memory, and rosbags writes zeros.
+        kind = connection.msgtype
+        clean = self._store.serialize_cdr(self._store.deserialize_cdr(data, kind), kind)
+        self._writer.write(connection, time, clean)
 
     def close(self) -> None:
         self._writer.close()

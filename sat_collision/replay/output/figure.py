@@ -18,8 +18,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import product
+from pathlib import Path
 from typing import NamedTuple, TYPE_CHECKING
 
+from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
@@ -27,14 +29,16 @@ from matplotlib.patches import Rectangle
 from matplotlib.transforms import Bbox
 import numpy as np
 from sat_collision.replay.model.keyframes import Keyframes
-from sat_collision.replay.model.result import deepest_contacts, Result
-from sat_collision.replay.output.drawing import (
-    Bar, colours, CONTACT, distance, INK, joined, name_of, OBSTACLE, Rows, rows_of, UNKNOWN)
+from sat_collision.replay.model.result import deepest_contacts, joined, Result
+from sat_collision.replay.output.text import (
+    Bar, colours, distance, GREY, INK, name_of, OBSTACLE, RED, Rows, rows_of)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.text import Text
 
+# What leaves the time of drawing out, by the ending of the file.
+_UNDATED = {'.svg': {'Date': None}, '.pdf': {'CreationDate': None}}
 _DPI = 110
 # Most scenes drawn, and most of them side by side.
 _MOST_SCENES = 6
@@ -72,6 +76,12 @@ def _views(result: Result) -> Sequence[_View | None]:
         return [None]
     name, least = result.nearest
     return [_View(name, least.obstacle, least.time, least.separation, least.x, least.y)]
+
+
+def write_picture(result: Result, path: str) -> None:
+    """Write the picture of a result; the same result gives the same bytes."""
+    with rc_context({'svg.hashsalt': 'sat_collision'}):
+        draw_picture(result).savefig(path, metadata=_UNDATED.get(Path(path).suffix.lower()))
 
 
 def draw_picture(result: Result) -> Figure:
@@ -122,7 +132,7 @@ def _draw_curves(result: Result, rows: list[Rows], axes: Axes) -> None:
     axes.set_title('Separation from the nearest obstacle; below, contacts over time', fontsize=10)
     axes.tick_params(labelbottom=False)
     bars = [bar for row in rows for bar in row.bars]
-    for is_contact, colour in ((False, UNKNOWN), (True, CONTACT)):
+    for is_contact, colour in ((False, GREY), (True, RED)):
         for first, last in joined(_bounds(bar, result) for bar in bars
                                   if (bar.contact is not None) is is_contact):
             axes.axvspan(first, last, color=colour, alpha=0.15, linewidth=0)
@@ -136,11 +146,10 @@ def _draw_curves(result: Result, rows: list[Rows], axes: Axes) -> None:
                       drawstyle='steps-post' if result.options.as_live else 'default',
                       color=of_footprint[footprint.name], linewidth=1.4)
     for contact in result.contacts:
-        axes.plot(result.since(contact.deepest), -contact.depth, 'o', color=CONTACT,
-                  markersize=4)
+        axes.plot(result.since(contact.deepest), -contact.depth, 'o', color=RED, markersize=4)
     axes.axhline(0.0, color=INK, linewidth=0.8)
     axes.grid(alpha=0.25)
-    first = result.since(result.start or 0)
+    first = 0.0 if result.start is None else result.since(result.start)
     axes.set_xlim(first, first + max(result.duration, 1e-9))
 
 
@@ -156,12 +165,12 @@ def _draw_rows(result: Result, rows: list[Rows], axes: Axes) -> None:
     axes.spines[['left', 'right', 'top']].set_visible(False)
     for row in rows:
         if row.first:
-            axes.axhline(row.first - 0.5, color=UNKNOWN, linewidth=0.4)
+            axes.axhline(row.first - 0.5, color=GREY, linewidth=0.4)
         for bar in row.bars:
             first, last = _bounds(bar, result)
             axes.add_patch(Rectangle(
                 (first, bar.row - _HEIGHT / 2), last - first, _HEIGHT, linewidth=0,
-                color=CONTACT if bar.contact else UNKNOWN))
+                color=RED if bar.contact else GREY))
 
 
 def _label_rows(result: Result, rows: list[Rows], axes: Axes) -> None:
@@ -217,7 +226,7 @@ def _draw_scene(result: Result, keyframes: Keyframes, axes: Axes, view: _View | 
     texts = []
     for body, span in keyframes.at(number):
         colour = of_footprint[span.name] if body.is_footprint else OBSTACLE
-        face = CONTACT if body in touching else colour
+        face = RED if body in touching else colour
         if span.known and len(span.ring) > 2:
             axes.fill(*span.ring.T, color=face, alpha=0.35, linewidth=0)
         axes.plot(*np.concatenate([span.ring, span.ring[:1]]).T, linewidth=1.4, markersize=4,

@@ -28,11 +28,9 @@ import numpy as np
 from sat_collision.replay.model.keyframes import Floats, Keyframes, ShownBody
 from sat_collision.replay.model.result import (
     Contact, deepest_contacts, GRAVITY, least_of_all, MOST_CONTACTS, overall, Result, Sample)
-from sat_collision.replay.output.drawing import (
-    colours, distance, name_of, rows_of, unknown_times)
 from sat_collision.replay.output.text import (
-    CLOCKS, contact_row, CONTACTS, footprint_row, FOOTPRINTS, SOONEST, soonest_rows, UNKNOWN,
-    unknown_row)
+    CLOCKS, colours, contact_row, CONTACTS, distance, footprint_row, FOOTPRINTS, name_of, rows_of,
+    SOONEST, soonest_rows, UNKNOWN, unknown_row, unknown_times)
 
 _SCRIPTS = ('page.js', 'timeline.js', 'scene.js')
 # Most characters of a page's data; the rest of the page is small.

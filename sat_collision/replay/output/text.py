@@ -12,18 +12,21 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Results for people: tables on a terminal, verdicts in colour, and progress."""
+"""Results for people: the report, its words and tables, colours, rows of a chart, progress."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+import colorsys
 import os
+from pathlib import Path
 import sys
 import time
-from typing import Any, TextIO
+from typing import Any, NamedTuple, TextIO
 
 from sat_collision.replay.model.result import (
-    BETWEEN_SAMPLES, Contact, FootprintResult, overall, Result, SourceResult, Unknown, Verdict)
+    BETWEEN_SAMPLES, Contact, deepest_contacts, FootprintResult, joined, overall, Result,
+    SourceResult, Unknown, Verdict)
 
 _MOST_ROWS = 20
 _MOST_WORST = 5
@@ -42,6 +45,15 @@ _BAR = 30
 _DELAY = 1.0
 _REDRAW = 0.1
 CLOCKS = {'receive': 'receive time', 'header': 'header stamps'}
+# Colours of pictures and pages; red means contact, grey unknown.
+RED, GREY, OBSTACLE, INK = '#d62728', '#9aa0a6', '#5b7089', '#2b3138'
+_LINES = ('#1f77b4', '#e08214', '#7b52ab', '#1a9e96', '#8c564b', '#3f8f3f', '#c2559d', '#6b7a1f')
+# Of more footprints: hues from orange to violet.
+_FIRST_HUE, _LAST_HUE = 0.08, 0.9
+# Most rows of a footprint in a chart, whose bars overlap in time.
+_MOST_BAR_ROWS = 4
+# More unknown times than this are joined across short gaps.
+_MANY = 1000
 
 
 class Progress:
@@ -176,6 +188,18 @@ def how_found(contact: Contact, result: Result) -> str:
     return f'between {result.since(before):.3f} and {result.since(after):.3f} s'
 
 
+def name_of(result: Result) -> str:
+    """Return the name of a recording."""
+    return Path(result.bag).name or result.bag
+
+
+def distance(separation: float) -> str:
+    """Return a separation in words."""
+    if separation > 0.0:
+        return f'{separation:.3g} m apart'
+    return f'{-separation:.3g} m deep' if separation < 0.0 else 'touching'
+
+
 def report_all(results: list[Result]) -> list[str]:
     """Return the lines of the summary of several recordings."""
     figures = summary(results)
@@ -230,3 +254,65 @@ def _is_number(cell: str) -> bool:
     except ValueError:
         return cell.rstrip('+') == 'moment'
     return True
+
+
+def colours(result: Result) -> dict[str, str]:
+    """Return the colour of each footprint, another one for each."""
+    names = [footprint.name for footprint in result.footprints]
+    if len(names) <= len(_LINES):
+        return dict(zip(names, _LINES))
+    found = {}
+    for k, name in enumerate(names):
+        hue = _FIRST_HUE + (_LAST_HUE - _FIRST_HUE) * k / len(names)
+        parts = colorsys.hls_to_rgb(hue, (0.38, 0.5, 0.6)[k % 3], 0.6)
+        found[name] = '#' + ''.join(f'{round(255 * part):02x}' for part in parts)
+    return found
+
+
+class Bar(NamedTuple):
+    """A contact, or a time (s since the recording begins) in which a footprint is unknown."""
+
+    row: int  # from above, counted over all footprints
+    first: float
+    last: float
+    text: str
+    contact: Contact | None
+
+
+class Rows(NamedTuple):
+    """The rows of a footprint, from the first until before the end, and their bars."""
+
+    name: str
+    first: int
+    end: int
+    bars: list[Bar]
+
+
+def rows_of(result: Result) -> list[Rows]:
+    """Return the rows of a result, in which the deepest contacts come first."""
+    found = []
+    first = 0
+    for footprint in result.footprints:
+        bars = [*(Bar(0, result.since(one.first), result.since(one.last), one.obstacle, one)
+                  for one in deepest_contacts(result) if one.footprint == footprint.name),
+                *(Bar(0, *interval, 'unknown', None)
+                  for interval in unknown_times(result, footprint.name))]
+        rows: list[list[Bar]] = [[] for _ in range(_MOST_BAR_ROWS)]
+        for bar in bars:
+            # They overlap only where all rows are taken.
+            free = (k for k, taken in enumerate(rows) if all(
+                bar.last <= other.first or other.last <= bar.first for other in taken))
+            k = next(free, _MOST_BAR_ROWS - 1)
+            rows[k].append(bar._replace(row=first + k))
+        end = first + max(sum(map(bool, rows)), 1)
+        found.append(Rows(footprint.name, first, end, [bar for row in rows for bar in row]))
+        first = end
+    return found
+
+
+def unknown_times(result: Result, name: str) -> list[tuple[float, float]]:
+    """Return when a footprint is unknown for any reason, in s."""
+    found = [(result.since(one.first), result.since(one.last)) for one in result.unknown
+             if one.footprint == name]
+    # Gaps between very many are too short to be seen.
+    return joined(found, result.duration / _MANY if len(found) > _MANY else 0.0)

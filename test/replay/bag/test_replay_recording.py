@@ -27,7 +27,7 @@ import pytest
 from recordings import box, drive, POLYGON, run_without, write
 from rosbags.highlevel import AnyReader
 from sat_collision.replay.bag import storage as storages
-from sat_collision.replay.cli.command import main
+from sat_collision.replay.command import main
 from sat_collision.replay.model.result import Options, Verdict
 from sat_collision.replay.run import check
 from storages import (

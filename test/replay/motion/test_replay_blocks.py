@@ -69,7 +69,7 @@ def recorded(seed):
 def followed(found, together, alone=0):
     """Return results and motion of placements, some at a time after the first ones."""
     results = [FootprintResult(one.name, one.topic, True) for one in SETTINGS.footprints]
-    motion = Motion(SETTINGS, None, results)
+    motion = Motion(SETTINGS, None, None, results)
     motion.place(found[:alone])
     for k in range(alone, len(found), together):
         motion.place(found[k:k + together])
@@ -80,7 +80,6 @@ def followed(found, together, alone=0):
 def decided(found, together):
     """Return all results for placements, some at a time."""
     results, motion = followed(found, together)
-    motion.draw_curves([])
     return repr((motion.contacts, [(one.least, one.separation) for one in results], [
         motion.undetermined(name) for name in NAMES]))
 

@@ -18,7 +18,7 @@ from builders import SECOND, serialised
 from published import load
 import pytest
 from recordings import box, INSTANCE, published, SOURCE, START, write
-from sat_collision.replay.cli.command import main
+from sat_collision.replay.command import main
 from sat_collision.replay.model.result import AT_A_SAMPLE, BETWEEN_SAMPLES, Options, Verdict
 from sat_collision.replay.run import check
 

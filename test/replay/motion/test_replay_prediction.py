@@ -26,7 +26,7 @@ import numpy as np
 from published import DATA
 import pytest
 from recordings import box, INSTANCE, nanoseconds, SOURCE, write
-from sat_collision.replay.cli.command import main
+from sat_collision.replay.command import main
 from sat_collision.replay.model.result import Options, Verdict
 from sat_collision.replay.run import check
 import shapely

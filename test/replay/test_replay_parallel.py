@@ -15,14 +15,15 @@
 """Many recordings at once: on local processes and on a Dask cluster over TCP."""
 
 import functools
+from itertools import permutations
 import os
 from pathlib import Path
 import signal
 
 import pytest
 from recordings import drive, NAMES, published, write
-from sat_collision.replay.cli import command
-from sat_collision.replay.cli.command import main
+from sat_collision.replay import command
+from sat_collision.replay.command import main
 from sat_collision.replay.model.result import Options, Verdict
 from sat_collision.replay.run import check
 
@@ -115,12 +116,25 @@ def test_lost_worker_is_retried(bags, tmp_path, monkeypatch, cluster, fault):
 
 
 def test_command_on_jobs_and_cluster(cluster, capsys):
-    """The summary and the exit status are the same."""
+    """Output and exit status are the same."""
     recordings = [str(published(name)) for name in NAMES]
     outs = []
     for arguments in ([], ['--jobs', '2'], ['--dask', cluster]):
         assert main([*recordings, *arguments]) == 1
-        out = capsys.readouterr().out
-        outs.append(out[out.index('3 recordings'):])
+        outs.append(capsys.readouterr().out)
     assert outs[0] == outs[1] == outs[2]
     assert '8 contacts' in outs[0]
+
+
+def test_reports_are_in_the_order_of_the_command(bags, monkeypatch, capsys):
+    """Whichever is checked first, and if one is given twice."""
+    given = [bags[2], bags[0], bags[2], bags[1]]
+    assert main(given) == 1
+    alone = capsys.readouterr().out
+    assert [line.split(':')[0] for line in alone.splitlines()
+            if line.startswith(tuple(given))] == given
+    for order in permutations(given):
+        monkeypatch.setattr(command, 'check_here', lambda _, options, jobs: (
+            command.check_one(bag, options) for bag in order))
+        assert main([*given, '--jobs', '2']) == 1
+        assert capsys.readouterr().out == alone

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Messages in the order of their own stamps instead of the order received."""
+"""Messages in the order in which a run takes them: as received, or by their own stamps."""
 
 from __future__ import annotations
 
@@ -23,7 +23,9 @@ from operator import itemgetter
 from typing import TypeAlias
 
 from sat_collision.messages.cdr import header_stamp, STAMP_SIZE
+from sat_collision.messages.ingest import Batch
 from sat_collision.messages.transform_listener import TF_STATIC
+from sat_collision.monitor import Monitor
 from sat_collision.replay.bag.storage import Row
 from sat_collision.scene.settings import TF
 
@@ -34,6 +36,37 @@ Timed: TypeAlias = tuple[str, int, list[bytes]]
 WINDOW = 10 * 10**9
 
 _header_of = itemgetter(slice(STAMP_SIZE))
+
+
+class Rows:
+    """Yields messages as received, one by one; skips those that `receive_run` has passed on."""
+
+    def __init__(self, rows: Iterable[Row]) -> None:
+        self._rows = rows
+        self._times: list[int] = []
+        self._batch = Batch(())
+        self._taken = 0
+
+    def __iter__(self) -> Iterator[Timed]:
+        for topic, times, messages in self._rows:
+            self._times, self._batch, self._taken = times, Batch(messages), 0
+            while (taken := self._taken) < len(times):
+                self._taken += 1
+                yield topic, times[taken], [messages[taken]]
+
+    def receive_run(self, monitor: Monitor, name: str, now: int, bound: float) -> int:
+        """
+        Pass the next messages to a monitor if they only add to the set of the last one.
+
+        No deadline or timer is due until the bound, in ns. Returns the time of the last message
+        that was received.
+        """
+        if self._taken < len(self._times) and self._times[-1] <= bound:
+            taken = monitor.receive_run(name, self._batch, self._taken, now)
+            if taken:
+                self._taken += taken
+                now = max(now, self._times[self._taken - 1])
+        return now
 
 
 def _headers(messages: list[bytes]) -> Iterator[tuple[bytes, int]]:

@@ -24,8 +24,8 @@ from xml.etree import ElementTree
 
 import pytest
 from recordings import box, drive, write
-from sat_collision.replay.cli import command
-from sat_collision.replay.cli.command import main
+from sat_collision.replay import command
+from sat_collision.replay.command import main
 from sat_collision.replay.run import check
 
 CLEAR = drive(2.0, contact=(0, 0))
@@ -81,7 +81,8 @@ def test_failed_picture_is_a_problem_of_its_recording(bags, tmp_path, monkeypatc
         return figure.Figure()
 
     monkeypatch.setattr('sat_collision.replay.output.figure.draw_picture', fails_once)
-    assert main([bags[0], bags[0], '--plot', str(tmp_path / 'plots')]) == 3
+    other = str(write(tmp_path / 'other', CLEAR))
+    assert main([bags[0], other, '--plot', str(tmp_path / 'plots')]) == 3
     assert 'no ink' in capsys.readouterr().out and len(drawn) == 2
 
 
@@ -109,6 +110,19 @@ def test_invalid_output_paths_are_refused_before_the_run(
     assert out == '' and error.count('\n') == 1
     assert option in error and words in error
     assert before == {file: file.read_bytes() for file in tmp_path.rglob('*') if file.is_file()}
+
+
+def test_recordings_of_one_name_are_not_written_to_one_place(bags, tmp_path, capsys):
+    """Which of them would win depended on --jobs, and one picture replaced the other."""
+    other = str(write(tmp_path / 'more' / 'clear', CLEAR))
+    assert main([bags[0], other]) == 0
+    capsys.readouterr()
+    for arguments in (['--as-live', '--write-bag', str(tmp_path / 'out')],
+                      ['--plot', str(tmp_path / 'out')]):
+        assert main([*bags, other, *arguments]) == 3
+        out, error = capsys.readouterr()
+        assert out == '' and '2 recordings are called clear' in error
+        assert not (tmp_path / 'out').exists()
 
 
 def test_output_paths_of_several_recordings_are_checked(bags, tmp_path, capsys):

@@ -22,6 +22,7 @@ workers of a Dask cluster.
 from __future__ import annotations
 
 import argparse
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import as_completed, ProcessPoolExecutor
 from dataclasses import fields, replace
@@ -33,8 +34,8 @@ import sys
 import traceback
 
 from sat_collision.extras import in_one_line, missing, unexpected
+from sat_collision.replay.arguments import parse
 from sat_collision.replay.bag.storage import check_bag_writer
-from sat_collision.replay.cli.arguments import parse
 from sat_collision.replay.model.configuration import (
     parameter_of_text, parameters_of_file, settings_of)
 from sat_collision.replay.model.result import Options, overall, Result, Verdict
@@ -133,6 +134,10 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
             import matplotlib  # noqa: F401
         except ModuleNotFoundError as error:
             raise OSError(f'--plot: {missing(error)}') from None
+    name, count = Counter(Path(bag).stem for bag in arguments.bags).most_common(1)[0]
+    if count > 1 and (write_bag or in_folder):
+        raise OSError(f'{count} recordings are called {name}, and what is written of each would '
+                      'have the same name: check them one by one')
     inputs = [file for path in (*arguments.bags, *arguments.params_file, arguments.expect) if path
               for file in _files_of(Path(path))]
     taken: dict[Path, str] = {}
@@ -171,7 +176,7 @@ def _files_of(path: Path) -> list[Path]:
 
 
 def _check_all(arguments: argparse.Namespace, options: Options) -> list[Result]:
-    """Check, report and draw each recording; return the results in the order of the command."""
+    """Check, report and draw each recording, and return the results."""
     several, plot = len(arguments.bags) > 1, arguments.plot
     strays = [bag for bag in arguments.bags if not Path(bag).exists()]
     if strays and (arguments.footprints or arguments.obstacles):
@@ -189,8 +194,6 @@ def _check_all(arguments: argparse.Namespace, options: Options) -> list[Result]:
         _say(with_colour(report(result), result.verdict, sys.stdout))
         results.append(result)
     if several:
-        order = {bag: place for place, bag in enumerate(arguments.bags)}
-        results.sort(key=lambda result: order[result.bag])
         _say(with_colour(report_all(results), overall(results), sys.stdout))
     if one_page:
         _draw(results, plot, arguments.debug)
@@ -198,7 +201,7 @@ def _check_all(arguments: argparse.Namespace, options: Options) -> list[Result]:
 
 
 def _results(arguments: argparse.Namespace, options: Options) -> Iterator[Result]:
-    """Yield results as they come, and show progress meanwhile."""
+    """Yield results in the order of the command, and show progress meanwhile."""
     bags, several = arguments.bags, len(arguments.bags) > 1
     if arguments.dask or several and arguments.jobs > 1:
         if arguments.dask:
@@ -207,9 +210,13 @@ def _results(arguments: argparse.Namespace, options: Options) -> Iterator[Result
         else:
             results = check_here(bags, options, arguments.jobs)
         progress = Progress(f'{len(bags)} recordings')
+        left = [*bags]
+        waiting: dict[str, list[Result]] = {bag: [] for bag in bags}
         for count, result in enumerate(results, 1):
             progress.clear()
-            yield result
+            waiting[result.bag].append(result)
+            while left and waiting[left[0]]:
+                yield waiting[left.pop(0)].pop()
             if count < len(bags):
                 progress.show(count / len(bags))
         return
@@ -313,8 +320,8 @@ def _draw(results: list[Result], path: str, debug: bool) -> None:
             from sat_collision.replay.output.page import write_page
             write_page(results, path)
         else:
-            from sat_collision.replay.output.figure import draw_picture
-            draw_picture(results[0]).savefig(path)
+            from sat_collision.replay.output.figure import write_picture
+            write_picture(results[0], path)
     except Exception as error:
         if debug:
             traceback.print_exc()

@@ -29,10 +29,10 @@ import pytest
 from recordings import box, drive, run_without, SOURCE, START, write
 from rosbags.rosbag2 import Reader
 from sat_collision.demo import warehouse
-from sat_collision.replay.cli.command import main
+from sat_collision.replay.command import main
 from sat_collision.replay.output.text import Progress
 
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture
@@ -230,7 +230,7 @@ def test_written_bag_does_not_overwrite(bags, tmp_path, capsys):
         with Reader(tmp_path / 'out' / name) as reader:
             assert reader.message_count > 100
     capsys.readouterr()
-    assert main([bags['clear'], bags['clear'], *to_out]) == 3
+    assert main([bags['clear'], bags['collision'], *to_out]) == 3
     assert capsys.readouterr().out.count('exists') == 2
 
 

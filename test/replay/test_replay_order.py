@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 from sat_collision.messages.cdr import header_stamp
 from sat_collision.replay.bag.storage import in_rows, LONGEST_ROW
-from sat_collision.replay.motion.order import StampOrder, WINDOW
+from sat_collision.replay.order import StampOrder, WINDOW
 
 SECOND = 10**9
 START = 1000 * SECOND

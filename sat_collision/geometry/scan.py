@@ -36,7 +36,7 @@ from sat_collision.geometry.layout import (
     body_of, body_size, HEADER, near_support, Packed, packed_polygon, Rows, rows_of, SCAN_LIMIT,
     table_place, table_sector)
 from sat_collision.geometry.separating_axis import (
-    boxes_apart, find_separating_axis, first_axis, hill_climb, MEET, MOST_QUERIES, OPEN, refine,
+    boxes_apart, find_separating_axis, first_axis, hill_climb, MAX_QUERIES, MEET, OPEN, refine,
     Search, SEPARATE, UNCERTAIN)
 
 UNCHANGED = -1
@@ -297,7 +297,7 @@ def _go_on(pairs, start, count):
     """Continue as `find_separating_axis` does, all pending pairs by one axis per round."""
     rows, others, verdicts, searches, places, pending = _unchecked(pairs)
     queries = 0
-    while count > 0 and queries < MOST_QUERIES:
+    while count > 0 and queries < MAX_QUERIES:
         queries += 1
         for k in range(count):
             row = pending[k]

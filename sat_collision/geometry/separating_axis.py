@@ -48,7 +48,7 @@ SUPPORT_BOUND = 64.0 * 2.0 ** -53
 _LEAST_LEVEL = 2.0 ** -1000
 _INFINITY = float('inf')
 
-MOST_QUERIES = 48
+MAX_QUERIES = 48
 
 
 class Search(NamedTuple):
@@ -88,7 +88,7 @@ def find_separating_axis(p, q):
     verdict, search = first_axis(p, q)
     i = j = 0
     queries = 0
-    while verdict == OPEN and queries < MOST_QUERIES:
+    while verdict == OPEN and queries < MAX_QUERIES:
         queries += 1
         i = support(p, search.ux, search.uy)
         j = support(q, -search.ux, -search.uy)

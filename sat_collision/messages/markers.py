@@ -61,7 +61,7 @@ _PLACES_AHEAD = 8
 # For how many periods markers are shown, so that a dead monitor leaves no green robot.
 _PERIODS = 3
 # Max obstacles whose contacts are drawn or published, as each costs time.
-MOST_CONTACTS = 50
+MAX_CONTACTS = 50
 # Bodies with more pairs of parts are marked where they are deepest in each other.
 _MAX_PAIRS = 2_000
 # Bound of rounding errors, relative to the largest coordinate.
@@ -189,7 +189,7 @@ class Markers:
                     text)
 
     def _draw_contacts(self, contacts: Iterable[tuple[ObstacleId, Polygon, Polygon]]) -> None:
-        pairs = [(own, other) for _, own, other in islice(contacts, MOST_CONTACTS)]
+        pairs = [(own, other) for _, own, other in islice(contacts, MAX_CONTACTS)]
         marks = [mark for own, other in pairs for mark in contact_marks(own, other)]
         for ns, style, points in (
                 ('regions', _REGION, [p for mark in marks for p in _triangles(mark)]),

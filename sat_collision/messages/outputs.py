@@ -26,7 +26,7 @@ import numpy as np
 from sat_collision.geometry.contact import contact
 from sat_collision.messages.interfaces import (
     Bool, DiagnosticArray, Float64, MarkerArray, octets, PointCloud2, PointField, serialize)
-from sat_collision.messages.markers import Markers, MOST_CONTACTS
+from sat_collision.messages.markers import Markers, MAX_CONTACTS
 from sat_collision.messages.states import States
 from sat_collision.scene.footprints import State, Status
 from sat_collision.scene.prediction import Prediction
@@ -55,7 +55,7 @@ def contact_cloud(scene: Scene, name: str, stamp: Any) -> Any:
     """
     places = {obstacle: k for k, obstacle in enumerate(scene.state(name).contacts)}
     rows = []
-    for obstacle, own, other in islice(scene.contacts(name), MOST_CONTACTS):
+    for obstacle, own, other in islice(scene.contacts(name), MAX_CONTACTS):
         if obstacle in places:
             found = contact(own, other)
             depth = -found.separation if found.separation > 0.0 else found.depth

@@ -51,8 +51,8 @@ _LONG_WAIT = 1e-4
 # Sizes of a batch. The limit in messages starts low and grows while they are quick to check; the
 # limit in bytes keeps batches of long messages short, each of which may take long.
 _FEWEST_TOGETHER = 4
-_MOST_TOGETHER = 64
-_MOST_BYTES = 8192
+_MAX_TOGETHER = 64
+_MAX_BYTES = 8192
 # The middleware's key for the sequence number of a message among those of its publisher.
 _NUMBER = 'publication_sequence_number'
 # If a tick is later than this, in s, the process was held up, and messages sent meanwhile may not
@@ -336,7 +336,7 @@ class _Topic:
                 self.is_behind = True
                 total += self.take_batch(1, now) if self._next else 0
                 break
-            self._limit = min(4 * self._limit, _MOST_TOGETHER)
+            self._limit = min(4 * self._limit, _MAX_TOGETHER)
             if between:
                 between(now)
         if self.is_behind:
@@ -363,7 +363,7 @@ class _Topic:
             self._last = info
             batch.append(data)
             size += len(data)
-            if len(batch) == limit or size >= _MOST_BYTES:
+            if len(batch) == limit or size >= _MAX_BYTES:
                 break
             if number is not None:
                 number += 1

@@ -53,7 +53,7 @@ _PROGRESS_EVERY = 500
 # So many placements are processed together, which is faster than one by one; fewer if messages are
 # long, so that memory stays bounded.
 _TOGETHER = 256
-_MOST_BYTES = 2**20
+_MAX_BYTES = 2**20
 # Reasons for rejection that do not depend on when and where a message is received.
 _OF_CONTENT = {EMPTY_FRAME_ID, LONG_FRAME_ID, *(reason.value for reason in Reason)}
 _LONGEST_QUIET = 60 * 10**9
@@ -292,7 +292,7 @@ class _Run:
         """Process new placements and changed states."""
         untaken = self._untaken = len(self._placements)
         if untaken >= self._together or (
-                untaken and untaken * len(self._placements[-1].points[0]) > _MOST_BYTES):
+                untaken and untaken * len(self._placements[-1].points[0]) > _MAX_BYTES):
             self._place(untaken)
         changed = self._scene.changes()
         if changed:

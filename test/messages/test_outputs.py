@@ -22,7 +22,7 @@ import pytest
 from sat_collision import Polygon
 from sat_collision.messages.interfaces import deserialize, Marker, PointCloud2, serialize, Time
 from sat_collision.messages.markers import clip, contact_marks, Labels, Markers
-from sat_collision.messages.outputs import contact_cloud, MOST_CONTACTS
+from sat_collision.messages.outputs import contact_cloud, MAX_CONTACTS
 from sat_collision.messages.states import coordinate_step, in_words
 from sat_collision.scene.footprints import State, Status
 from sat_collision.scene.obstacles import ObstacleId
@@ -113,9 +113,9 @@ def test_cloud_without_contact_is_empty():
 
 
 def test_number_of_obstacles_in_a_cloud_is_limited():
-    points, state = cloud_of([[(0.5, 0.001 * k)] for k in range(MOST_CONTACTS + 5)])
-    assert len(state.contacts) == MOST_CONTACTS + 5
-    assert len(points) == MOST_CONTACTS
+    points, state = cloud_of([[(0.5, 0.001 * k)] for k in range(MAX_CONTACTS + 5)])
+    assert len(state.contacts) == MAX_CONTACTS + 5
+    assert len(points) == MAX_CONTACTS
 
 
 def test_markers_draw_the_normals():

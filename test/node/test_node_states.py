@@ -158,9 +158,9 @@ def test_states_show_time_differences(start):
     monitor.send('footprint', ROBOT, stamp)
     monitor.send_set('obstacles', TOUCHING, stamp=stamp + SECOND // 10)
     monitor.await_state('collision')
-    told = values(monitor.status())
-    assert told['contacts are newer by'] == 'obstacle/0 0.100'
-    assert told['nearest obstacle is newer by'] == '0.100'
+    reported = values(monitor.status())
+    assert reported['contacts are newer by'] == 'obstacle/0 0.100'
+    assert reported['nearest obstacle is newer by'] == '0.100'
 
 
 def test_states_show_the_nearest_obstacle(start):

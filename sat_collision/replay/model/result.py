@@ -38,9 +38,9 @@ _SECOND = 10**9
 # Moments over all time and around a contact, and around how many of the deepest contacts.
 _MOMENTS = 400
 _AROUND = 40
-_MOST_AROUND = 20
-MOST_CONTACTS = 200
-_MOST_SAMPLES = 4096
+_MAX_AROUND = 20
+MAX_CONTACTS = 200
+_MAX_SAMPLES = 4096
 
 
 @dataclass(frozen=True)
@@ -308,7 +308,7 @@ class Series:
             if least is None or value is not None and value < least:
                 samples[-1] = last, value
         else:
-            if len(samples) == _MOST_SAMPLES:
+            if len(samples) == _MAX_SAMPLES:
                 samples[:] = [(time_a, least_of_all((a, b))) for (time_a, a), (_, b)
                               in zip(samples[::2], samples[1::2])]
                 self._merged *= 2
@@ -386,7 +386,7 @@ def moments_of(result: Result) -> list[int]:
     start, end = min(known, default=result.start), max(known, default=result.end)
     moments = _spread(start, end, _MOMENTS)
     contacts = deepest_contacts(result)
-    for contact in contacts[:_MOST_AROUND]:
+    for contact in contacts[:_MAX_AROUND]:
         first, last = max(contact.first - _SECOND, start), min(contact.last + _SECOND, end)
         if last - first < _AROUND * (end - start) / _MOMENTS:
             moments |= _spread(first, last, _AROUND)
@@ -397,7 +397,7 @@ def moments_of(result: Result) -> list[int]:
 
 def deepest_contacts(result: Result) -> list[Contact]:
     """Return the contacts of a result, the deepest first; not more than are drawn."""
-    return sorted(result.contacts, key=lambda contact: -contact.depth)[:MOST_CONTACTS]
+    return sorted(result.contacts, key=lambda contact: -contact.depth)[:MAX_CONTACTS]
 
 
 def _spread(first: int, last: int, count: int) -> set[int]:

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 _UNDATED = {'.svg': {'Date': None}, '.pdf': {'CreationDate': None}}
 _DPI = 110
 # Most scenes drawn, and most of them side by side.
-_MOST_SCENES = 6
+_MAX_SCENES = 6
 _COLUMNS = 3
 # Height of a row in inches, height of a bar in rows, least width of a bar as a share of all time.
 _ROW = 0.24
@@ -68,7 +68,7 @@ class _View(NamedTuple):
 
 def _views(result: Result) -> Sequence[_View | None]:
     """Return the scenes to show: of each contact, or where the separation is least, or of all."""
-    found = sorted(deepest_contacts(result)[:_MOST_SCENES], key=lambda contact: contact.deepest)
+    found = sorted(deepest_contacts(result)[:_MAX_SCENES], key=lambda contact: contact.deepest)
     if found:
         return [_View(one.footprint, one.obstacle, one.deepest, 0.0 - one.depth, one.x, one.y)
                 for one in found]

@@ -27,19 +27,19 @@ from typing import Any
 import numpy as np
 from sat_collision.replay.model.keyframes import Floats, Keyframes, ShownBody
 from sat_collision.replay.model.result import (
-    Contact, deepest_contacts, GRAVITY, least_of_all, MOST_CONTACTS, overall, Result, Sample)
+    Contact, deepest_contacts, GRAVITY, least_of_all, MAX_CONTACTS, overall, Result, Sample)
 from sat_collision.replay.output.text import (
     CLOCKS, colours, contact_row, CONTACTS, distance, footprint_row, FOOTPRINTS, name_of, rows_of,
     SOONEST, soonest_rows, UNKNOWN, unknown_row, unknown_times)
 
 _SCRIPTS = ('page.js', 'timeline.js', 'scene.js')
 # Most characters of a page's data; the rest of the page is small.
-_MOST_DATA = 7_500_000
+_MAX_DATA = 7_500_000
 # Coordinates are rounded to this, m.
 _UNIT = 1e-4
 # Most rows of a table, and most samples in all curves of a recording.
-_MOST_ROWS = 200
-_MOST_SAMPLES = 40_000
+_MAX_ROWS = 200
+_MAX_SAMPLES = 40_000
 _FEWEST_MOMENTS = 24
 # Characters: two numbers of two digits, and commas.
 _LEAST_OF_VERTEX = 6
@@ -57,7 +57,7 @@ def write_page(results: list[Result], path: str) -> None:
     title = name_of(ordered[0]) if len(ordered) == 1 else (
         f'{len(ordered)} recordings: {overall(ordered).words}')
     index = _as_json(_index_of(ordered) if len(ordered) > 1 else None)
-    recordings = [_fitted(result, _MOST_DATA // len(ordered)) for result in ordered]
+    recordings = [_fitted(result, _MAX_DATA // len(ordered)) for result in ordered]
     source = files(__package__)
     parts = {
         'title': escape(title),
@@ -120,10 +120,10 @@ def _recording(result: Result, keyframes: Keyframes, numbers: list[int],
     places = {id(contact): k for k, contact in enumerate(contacts)}
     name, least = result.nearest or ('', None)
     moments = [keyframes.moments[k] for k in numbers]
-    count = max(_MOST_SAMPLES // max(len(names), 1), 16)
+    count = max(_MAX_SAMPLES // max(len(names), 1), 16)
     return {
         'name': name_of(result), 'verdict': result.verdict.words, 'asLive': result.options.as_live,
-        'problems': result.problems[:_MOST_ROWS], 'notes': result.notes[:_MOST_ROWS],
+        'problems': result.problems[:_MAX_ROWS], 'notes': result.notes[:_MAX_ROWS],
         'facts': _facts_of(result, moments, len(keyframes.bodies) - len(bodies)),
         'tables': _tables_of(result, contacts),
         'start': result.since(result.start or 0), 'end': result.since(result.end or 0),
@@ -156,7 +156,7 @@ def _curve(result: Result, samples: list[Sample], limit: int) -> list[tuple[floa
 def _unknown_of(result: Result, name: str) -> list[tuple[float, float, str]]:
     """Return when a footprint is unknown, in s, and why; very many times are joined."""
     found = [one for one in result.unknown if one.footprint == name]
-    if len(found) <= _MOST_ROWS:
+    if len(found) <= _MAX_ROWS:
         return [(result.since(one.first), result.since(one.last), '; '.join(one.reasons))
                 for one in found]
     return [(first, last, 'for several reasons, see the table')
@@ -240,9 +240,9 @@ def _facts_of(result: Result, moments: list[int], left_out: int) -> list[str]:
 def _tables_of(result: Result, contacts: list[Contact]) -> list[dict[str, Any]]:
     """Return the tables of a result; in that of contacts each row is one of those given."""
     more = len(result.contacts) - len(contacts)
-    deepest = f'the {MOST_CONTACTS} deepest; {more} more are in what --csv and --json write'
-    longest = sorted(result.unknown, key=lambda one: one.first - one.last)[:_MOST_ROWS]
-    hidden = f'the {_MOST_ROWS} longest of {len(result.unknown)}'
+    deepest = f'the {MAX_CONTACTS} deepest; {more} more are in what --csv and --json write'
+    longest = sorted(result.unknown, key=lambda one: one.first - one.last)[:_MAX_ROWS]
+    hidden = f'the {_MAX_ROWS} longest of {len(result.unknown)}'
     tables: list[tuple[str, str, tuple[str, ...], Sequence[Sequence[str]]]] = [
         ('Contacts', deepest if more else '', CONTACTS,
          [contact_row(contact, result) for contact in contacts]),

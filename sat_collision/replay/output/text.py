@@ -28,8 +28,8 @@ from sat_collision.replay.model.result import (
     BETWEEN_SAMPLES, Contact, deepest_contacts, FootprintResult, joined, overall, Result,
     SourceResult, Unknown, Verdict)
 
-_MOST_ROWS = 20
-_MOST_WORST = 5
+_MAX_ROWS = 20
+_MAX_WORST = 5
 _MOMENT = 500_000
 FOOTPRINTS = ('footprint', 'known', 'clear [s]', 'collision [s]', 'unknown [s]',
               'least separation')
@@ -51,7 +51,7 @@ _LINES = ('#1f77b4', '#e08214', '#7b52ab', '#1a9e96', '#8c564b', '#3f8f3f', '#c2
 # Of more footprints: hues from orange to violet.
 _FIRST_HUE, _LAST_HUE = 0.08, 0.9
 # Most rows of a footprint in a chart, whose bars overlap in time.
-_MOST_BAR_ROWS = 4
+_MAX_BAR_ROWS = 4
 # More unknown times than this are joined across short gaps.
 _MANY = 1000
 
@@ -230,21 +230,21 @@ def summary(results: list[Result]) -> dict[str, Any]:
         'verdicts': {word: count for word, count in verdicts.items() if count},
         'worst': [{'separation': separation, 'bag': bag, 'footprint': footprint,
                    'obstacle': obstacle}
-                  for separation, bag, footprint, obstacle in sorted(leasts)[:_MOST_WORST]]}
+                  for separation, bag, footprint, obstacle in sorted(leasts)[:_MAX_WORST]]}
 
 
 def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]], title: str) -> list[str]:
-    """Return the lines of a table, of the first _MOST_ROWS rows only."""
+    """Return the lines of a table, of the first _MAX_ROWS rows only."""
     if not rows:
         return []
-    shown = [head, *rows[:_MOST_ROWS]]
+    shown = [head, *rows[:_MAX_ROWS]]
     widths = [max(map(len, column)) for column in zip(*shown)]
     aligned = ['>' if all(map(_is_number, column[1:])) else '<' for column in zip(*shown)]
     lines = [f'  {title}'] + ['    ' + '  '.join(
         f'{cell:{align}{width}}' for cell, align, width in zip(row, aligned, widths)).rstrip()
         for row in shown]
-    if len(rows) > _MOST_ROWS:
-        lines.append(f'    and {len(rows) - _MOST_ROWS} more; --json and --csv have all')
+    if len(rows) > _MAX_ROWS:
+        lines.append(f'    and {len(rows) - _MAX_ROWS} more; --json and --csv have all')
     return lines
 
 
@@ -297,12 +297,12 @@ def rows_of(result: Result) -> list[Rows]:
                   for one in deepest_contacts(result) if one.footprint == footprint.name),
                 *(Bar(0, *interval, 'unknown', None)
                   for interval in unknown_times(result, footprint.name))]
-        rows: list[list[Bar]] = [[] for _ in range(_MOST_BAR_ROWS)]
+        rows: list[list[Bar]] = [[] for _ in range(_MAX_BAR_ROWS)]
         for bar in bars:
             # They overlap only where all rows are taken.
             free = (k for k, taken in enumerate(rows) if all(
                 bar.last <= other.first or other.last <= bar.first for other in taken))
-            k = next(free, _MOST_BAR_ROWS - 1)
+            k = next(free, _MAX_BAR_ROWS - 1)
             rows[k].append(bar._replace(row=first + k))
         end = first + max(sum(map(bool, rows)), 1)
         found.append(Rows(footprint.name, first, end, [bar for row in rows for bar in row]))

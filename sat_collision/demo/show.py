@@ -53,6 +53,8 @@ from visualization_msgs.msg import MarkerArray
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+# Those below are for the tests, which may run at the same time.
+DOMAINS = range(71, 102)
 _PERIOD = 0.05
 _STATIC_STEPS = 20
 # The animation: seconds of the scene from frame to frame, and how many times faster it runs.
@@ -381,7 +383,7 @@ def show(args: Sequence[str] | None = None) -> int:
         return 0
     # Keep the demo apart from other nodes on the network.
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
+    os.environ['ROS_DOMAIN_ID'] = str(DOMAINS[os.getpid() % len(DOMAINS)])
     rclpy.init()
     viewer = _Viewer()
     is_right = _watch(viewer) and _is_right(viewer)

@@ -18,6 +18,7 @@ import re
 import subprocess
 import sys
 
+from conftest import locked_domain
 import numpy as np
 import pytest
 from sat_collision.demo import warehouse
@@ -64,6 +65,16 @@ def test_first_demo_does_not_wait_for_the_compiler(tmp_path):
         env=environment | {'NUMBA_CACHE_DIR': str(tmp_path)}, capture_output=True, text=True,
         timeout=60, check=True)
     assert first.stdout == '1\n'
+
+
+def test_demo_and_tests_do_not_hear_each_other():
+    """A monitor of a test that runs beside the demo publishes in another domain."""
+    pytest.importorskip('rclpy')
+    pytest.importorskip('matplotlib')
+    from sat_collision.demo.show import DOMAINS
+    for _ in range(200):
+        with locked_domain() as number:
+            assert number not in DOMAINS
 
 
 @pytest.mark.long

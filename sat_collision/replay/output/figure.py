@@ -28,6 +28,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Rectangle
 from matplotlib.transforms import Bbox
 import numpy as np
+from numpy.typing import NDArray
 from sat_collision.replay.model.keyframes import Keyframes
 from sat_collision.replay.model.result import deepest_contacts, joined, Result
 from sat_collision.replay.output.text import (
@@ -193,10 +194,10 @@ def _bounds(bar: Bar, result: Result) -> tuple[float, float]:
 def _look_at(axes: Axes, view: _View | None, keyframes: Keyframes) -> None:
     """Set the limits to show a view, or without one all places of the footprints."""
     if view:
-        middle = np.array([view.x, view.y])
+        middle: NDArray[np.float64] = np.array([view.x, view.y])
         footprint = keyframes.footprint(view.footprint)
         size = float(np.max(np.ptp(footprint.spans[0].ring, axis=0))) if footprint else 0.0
-        reach = np.full(2, max(max(view.separation, 0.0) + 1.5 * size, 1.0))
+        reach: NDArray[np.float64] = np.full(2, max(max(view.separation, 0.0) + 1.5 * size, 1.0))
     else:
         points = np.concatenate([np.zeros((0, 2)), *(
             span.ring for body in keyframes.bodies if body.is_footprint for span in body.spans)])

@@ -48,8 +48,8 @@ _SETTLING = 3.0
 _STAY = 30
 _SETTLED_MINUTES = 5.0
 # Speeds of the robot and the person, in m/s towards +x; when they meet if they go on, in s from
-# the beginning of a stay far from all; and by how many seconds a time may be wrong: flags and
-# times are compared by when they arrive.
+# the beginning of a stay far from all; and by how many seconds a time may be wrong: a footprint
+# needs some time to the node, and a flag from it.
 _ROBOT_SPEED, _WALK_SPEED = -10.0, 0.2
 _MEET_AFTER = 2.5
 _TRANSPORT = 0.1
@@ -88,7 +88,7 @@ class Times(NamedTuple):
     late: int  # of these, or of those in a contact, later than when they meet
     early: int
     while_unknown: int  # how many were given while the flag was raised far from all
-    error: float  # the median error of those given, in ms: above 0 if late, transport included
+    error: float  # the median error of those given, in ms: above 0 if late
 
 
 class Drive:
@@ -124,12 +124,8 @@ class Drive:
         return tail(np.add(ROBOT, (x, 0.0))), is_on, is_first
 
 
-def judge_times(stays, flags, times, latency=0.0):
-    """
-    Return the verdict on the times to collision received; see `Drive.stays` and `Traffic`.
-
-    A delay of up to the greatest latency of a flag, in s, is not counted as an error.
-    """
+def judge_times(stays, flags, times):
+    """Return the verdict on the times to collision received; see `Drive.stays` and `Traffic`."""
     errors, late, unknown = [], 0, 0
     for when, seconds in times:
         k = bisect.bisect_right(stays, when, key=_WHEN) - 1
@@ -144,7 +140,7 @@ def judge_times(stays, flags, times, latency=0.0):
                        bisect.bisect_left(flags, when + _TRANSPORT, key=_WHEN)]
         is_near = seconds < _THRESHOLD + _TRANSPORT
         unknown += bool(around) and not is_near and all(flag for _, flag in around)
-    late += sum(error > _TRANSPORT + latency for error in errors)
+    late += sum(error > _TRANSPORT for error in errors)
     early = sum(error < -_TRANSPORT for error in errors)
     return Times(len(errors), late, early, unknown,
                  1e3 * statistics.median(errors or [math.nan]))
@@ -199,9 +195,8 @@ def soak(minutes, obstacles):
             if k % 6 == 5:
                 print('{:5.1f} min  {:.1f} MB  {:.1f} us a message, latency {:.1f} ms'.format(
                     *readings[-1]), flush=True)
-        latency = np.nanmax([one.latency for one in readings]) / 1e3
         return (readings, judge(traffic.changes, traffic.received),
-                judge_times(drive.stays, traffic.received, traffic.times, latency), sent,
+                judge_times(drive.stays, traffic.received, traffic.times), sent,
                 sent - (reader.steady() - count))
 
 
@@ -218,10 +213,10 @@ def summary(readings, verdict, times, sent, lost):
          f'{verdict.releases:,}, {verdict.held_back}'],
         ['flags raised without a contact', verdict.false_alarms],
         ['greatest latency', f'{max(one.latency for one in readings):.0f} ms'],
-        ['times to collision, and late or early by 0.1 s and that latency',
+        ['times to collision, and late or early by 0.1 s',
          f'{times.given:,}, {times.late + times.early}'],
         ['times given while unknown', times.while_unknown],
-        ['their median error, transport included', f'{times.error:.1f} ms'],
+        ['their median error', f'{times.error:.1f} ms'],
         ['growth of memory after 5 minutes',
          f'{max(settled) / settled[0] - 1.0:.2%}' if len(settled) > 1 else '–']])
 

@@ -73,7 +73,8 @@ class Traffic:
     the others are scattered around and never twice the same. An empty polygon ends each set.
     `footprint_at` takes a stamp in ns and returns what follows it, whether that is on an obstacle,
     and whether it begins a stay there. By the monotonic clock, `changes` has when stays began,
-    `received` when flags came, and `times`, if it is `timed`, when times to collision came.
+    `received` when flags came, and `times`, if it is `timed`, when the node published times to
+    collision.
     """
 
     def __init__(self, obstacles, vertices, timed=False):
@@ -119,9 +120,9 @@ class Traffic:
             body, hit, _ = self.footprint_at(stamp)
             self._footprint.publish(_head(stamp) + body)
             time.sleep(0.2)
-            return hit in _arrived(self._flags, Bool) and all(
-                publisher.get_subscription_count() >= nodes
-                for publisher in (self._obstacle, self._footprint))
+            flags = [flag for _, flag in _published(self._flags, Bool)]
+            return hit in flags and all(publisher.get_subscription_count() >= nodes
+                                        for publisher in (self._obstacle, self._footprint))
         until(is_answered)
 
     def run(self, seconds, burst=False, rate=SET_RATE):
@@ -135,15 +136,15 @@ class Traffic:
         unanswered = collections.deque()
         footprints = obstacles = 0
         if self._times:
-            # Discard earlier times, whose arrival was not recorded.
-            _arrived(self._times, Float64)
+            # Discard those of the pause since the last run.
+            _published(self._times, Float64)
         begun = time.monotonic()
         while (now := time.monotonic() - begun) < seconds + _AFTERMATH:
-            for flag in _arrived(self._flags, Bool):
+            for _, flag in _published(self._flags, Bool):
                 self.received.append((begun + now, flag))
                 latencies += _answer(unanswered, flag, now)
             if self._times:
-                self.times += [(begun + now, one) for one in _arrived(self._times, Float64)]
+                self.times += _published(self._times, Float64)
             if now < seconds and footprints / FOOTPRINT_RATE <= now:
                 stamp = time.time_ns()
                 body, hit, changes = self.footprint_at(stamp)
@@ -169,12 +170,14 @@ class Traffic:
         return sum(self.run(seconds)[:2])
 
 
-def _arrived(subscription, message_type):
-    """Return the values that have arrived."""
+def _published(subscription, message_type):
+    """Return the values that have arrived, and when they were published by the monotonic clock."""
     values = []
     with subscription.handle:
         while taken := subscription.handle.take_message(message_type, True):
-            values.append(deserialize_message(taken[0], message_type).data)
+            age = (time.time_ns() - taken[1]['source_timestamp']) / 1e9
+            values.append((time.monotonic() - age,
+                           deserialize_message(taken[0], message_type).data))
     return values
 
 

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence, Set
 from dataclasses import dataclass
 from itertools import chain, compress, repeat
 from typing import Any, NamedTuple, TypeAlias
@@ -108,6 +108,9 @@ class Tracker(ABC):
         """Set the current frame, and drop bodies in other frames."""
         self._frame_id = frame_id
 
+    def lose(self) -> None:
+        """Record that a message was refused, whose obstacle may be any."""
+
     def _bodies(self, names: Sequence[ObstacleId], placements: Sequence[Placement],
                 block: Block, number: int = 0) -> Bodies:
         """Return the received bodies of a block; there may be more names than bodies."""
@@ -120,20 +123,40 @@ class Tracker(ABC):
         return not self._frame_id or placement.frame_id == self._frame_id
 
 
+@dataclass(slots=True)
+class _Extent:
+    """Which stamps a set has, how many bodies, and whether an empty polygon has ended it."""
+
+    start: int
+    last: int
+    count: int = 0
+    is_ended: bool = False
+
+    def add(self, placement: Placement) -> None:
+        self.last = max(self.last, placement.stamp)
+        if placement.is_empty:
+            self.is_ended = True
+        else:
+            ends = placement.points[1]
+            self.count += 1 if isinstance(ends, int) else 1 + len(ends)
+
+
 class SetTracker(Tracker):
     """
     Follows a source that publishes sets.
 
-    A set is a run of messages whose stamps lie within `set_window` of its first. The order of
-    bodies may differ from set to set, so bodies of two sets are matched if they are nearest to
-    each other and have equally many vertices.
+    A set is a run of messages whose stamps lie within `set_window` of its first, until an empty
+    polygon or `max_count` messages have ended it; those with its last stamp still belong to it.
+    The order of bodies may differ from set to set, so bodies of two sets are matched if they are
+    nearest to each other and have equally many vertices.
     """
 
     def __init__(self, settings: ObstacleSettings, max_vertices: int, emit: Emit) -> None:
         super().__init__(settings, max_vertices, emit)
         self._window = round(settings.set_window * 1e9)
-        self._stamp: int | None = None
+        self._max_count = settings.max_count
         # The set that is being received.
+        self._extent: _Extent | None = None
         self._pending: list[Placement] = []
         self._described: Described | None = None
         self._names: list[ObstacleId] = []
@@ -146,30 +169,28 @@ class SetTracker(Tracker):
     def describe(self, placements: Sequence[Placement]) -> Iterable[Described | None]:
         sets: list[list[Placement]] = []
         begins = []
-        stamp = None
+        extent = None
         for placement in placements:
-            begins.append(False)
-            if placement.is_empty:
-                stamp = None
-            elif stamp is not None and abs(placement.stamp - stamp) <= self._window:
+            is_first = not self._is_in(extent, placement)
+            if extent is None or is_first:
+                extent = _Extent(placement.stamp, placement.stamp)
+                sets.append([])
+            begins.append(is_first)
+            extent.add(placement)
+            if not placement.is_empty:
                 sets[-1].append(placement)
-            else:
-                stamp, begins[-1] = placement.stamp, True
-                sets.append([placement])
         block = Block(sets, self._longest)
         found = ((self._set(one, block, k), len(one)) for k, one in enumerate(sets))
         return [next(found) if is_first else None for is_first in begins]
 
     def place(self, placement: Placement, described: Described | None = None) -> None:
-        stamp = placement.stamp
-        if self._stamp is not None and abs(stamp - self._stamp) > self._window:
+        if not self._is_in(self._extent, placement):
             self._close()
-        if self._stamp is None:
-            self._stamp = stamp
+        if self._extent is None:
+            self._extent = _Extent(placement.stamp, placement.stamp)
             self._described = described
-        if placement.is_empty:
-            self._close()
-        else:
+        self._extent.add(placement)
+        if not placement.is_empty:
             self._pending.append(placement)
 
     def use_frame(self, frame_id: str) -> None:
@@ -178,7 +199,7 @@ class SetTracker(Tracker):
             self._last = None
 
     def rest(self, now: int, is_over: bool = False) -> None:
-        if self._stamp is not None and (is_over or now > self._stamp + self._longest):
+        if self._extent and (is_over or now > self._extent.start + self._longest):
             self._close()
         last, seen = self._last, self._seen
         if last is None or seen is None or not self._alive or not (
@@ -199,11 +220,19 @@ class SetTracker(Tracker):
         self._last = last.at([now if row in left else stamp for row, stamp in enumerate(stamps)])
         self._last_stamp = now
 
+    def _is_in(self, extent: _Extent | None, placement: Placement) -> bool:
+        """Return whether a placement is in the set of an extent, by the rules of `Sets`."""
+        if extent is None or placement.stamp == extent.last:
+            return extent is not None
+        return (not extent.is_ended and abs(placement.stamp - extent.start) <= self._window
+                and (placement.is_empty or extent.count < self._max_count))
+
     def _close(self) -> None:
         """End the set that is being received, and match the bodies of the one before to it."""
-        stamp, self._stamp = self._stamp, None
-        if stamp is None:
+        extent, self._extent = self._extent, None
+        if extent is None:
             return
+        stamp = extent.start
         seen = self._take_set()
         last, last_seen = self._last, self._seen
         motions: list[LinearMotion] = []
@@ -278,7 +307,12 @@ class _Sighting(NamedTuple):
 
 
 class KeyTracker(Tracker):
-    """Follows bodies that have ids, or are known by shape and so stand still."""
+    """
+    Follows bodies that have ids, or are known by shape and so stand still.
+
+    Without a timeout they make a map, by the rules of `Maps`: when an empty polygon ends one, the
+    bodies that are not in it are gone.
+    """
 
     def __init__(self, settings: ObstacleSettings, max_vertices: int, emit: Emit) -> None:
         super().__init__(settings, max_vertices, emit)
@@ -288,12 +322,18 @@ class KeyTracker(Tracker):
         self._pending: dict[ObstacleId, Placement] = {}
         self._shapes: dict[tuple[bytes, object], ObstacleId] = {}
         self._first_stamp = self._rested = 0
+        # What of the map has been received, and whether nothing of it was refused.
+        self._listed: set[ObstacleId] = set()
+        self._is_whole = True
 
     def place(self, placement: Placement, described: Described | None = None) -> None:
         if placement.is_empty:
+            if self._timeout == NEVER:
+                self._end_map(placement.stamp)
             return
         for one in placement.each():
             name = self._name(one)
+            self._listed.add(name)
             if self._pending and (name in self._pending
                                   or abs(one.stamp - self._first_stamp) > _TOGETHER):
                 self._close()
@@ -305,6 +345,9 @@ class KeyTracker(Tracker):
         super().use_frame(frame_id)
         self._seen = {name: sighting for name, sighting in self._seen.items()
                       if sighting.bodies.frame_id == frame_id}
+
+    def lose(self) -> None:
+        self._is_whole = False
 
     def rest(self, now: int, is_over: bool = False) -> None:
         if self._pending and (is_over or now > self._first_stamp + self._longest):
@@ -319,17 +362,31 @@ class KeyTracker(Tracker):
         return self._shapes.setdefault((placement.shape, placement.affine),
                                        ObstacleId(self._source, -1 - len(self._shapes)))
 
-    def _stand(self, now: int, least: int, is_over: bool = False) -> None:
-        """Extend bodies known until over `least` ns ago, standing still until now or timeout."""
+    def _end_map(self, now: int) -> None:
+        """Drop the bodies that are not in the map that ends, if that is whole."""
+        self._close()
+        if self._is_whole:
+            self._stand(now, self._longest, replaced=self._seen.keys() - self._listed)
+        self._listed.clear()
+        self._is_whole = True
+
+    def _stand(self, now: int, least: int, is_over: bool = False,
+               replaced: Set[ObstacleId] = frozenset()) -> None:
+        """
+        Extend bodies known until over `least` ns ago, standing still until now or timeout.
+
+        Those that are replaced are extended, too, and then forgotten.
+        """
         standing: defaultdict[int, dict[int, int]] = defaultdict(dict)
         found: dict[int, Bodies] = {}
         gone = []
         for name, sighting in list(self._seen.items()):
             bodies, row, seen_at, stamp = sighting
-            if stamp >= now - least:
+            is_replaced = name in replaced
+            if stamp >= now - least and not is_replaced:
                 continue
             end = round(min(now, seen_at + self._timeout))
-            is_forgotten = seen_at + self._timeout < now
+            is_forgotten = is_replaced or seen_at + self._timeout < now
             if not bodies.moving[row]:
                 if end > stamp:
                     found[id(bodies)] = bodies

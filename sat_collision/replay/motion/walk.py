@@ -213,7 +213,8 @@ class Motion:
     def _tracker(self, name: str, is_stamped: bool) -> Tracker:
         """Return the tracker of a source's bodies with stamps, or of those without."""
         source = self._sources[name]
-        in_sets = is_stamped and not source.accumulate and source.type != POLYGON_INSTANCE
+        in_sets = (is_stamped and source.timeout > 0.0 and not source.accumulate
+                   and source.type != POLYGON_INSTANCE)
         tracker = self._trackers.get((name, in_sets))
         if tracker is None:
             kind = SetTracker if in_sets else KeyTracker
@@ -230,11 +231,14 @@ class Motion:
                 sweep.prediction.command(command)
 
     def lose(self, name: str) -> None:
-        """Reset the pose of a footprint until its next message."""
+        """Reset the pose of a footprint until its next message; obstacles stay where they are."""
         if name in self._sweeps:
             self._sweeps[name].trajectory.lose()
             if self._tape:
                 self._tape.write(name, None)
+        for (source, _), tracker in self._trackers.items():
+            if source == name:
+                tracker.lose()
 
     def finish(self, end: int) -> None:
         """Decide all remaining steps at the end of the recording, and complete the results."""

@@ -70,7 +70,8 @@ def test_bodies_are_matched_with_their_mutual_nearest(extent):
     tracker = SetTracker(ObstacleSettings('lidar', '/lidar'), 256,
                          lambda tracker, step: steps.append(step))
     sets = [random_set(rng, rng.integers(0, 12), extent) for _ in range(300)]
-    for number, rings in enumerate(sets, 1):
+    # The beginning of one more set ends the last one.
+    for number, rings in enumerate([*sets, []], 1):
         for points in [*rings, ()]:
             tracker.place(placement(number, points))
     assert len(steps) == len(sets)

@@ -17,7 +17,7 @@
 from builders import SECOND, serialised
 from published import load
 import pytest
-from recordings import box, INSTANCE, published, SOURCE, START, write
+from recordings import box, INSTANCE, POLYGON, published, SOURCE, START, write
 from sat_collision.replay.command import main
 from sat_collision.replay.model.result import AT_A_SAMPLE, BETWEEN_SAMPLES, Options, Verdict
 from sat_collision.replay.run import check
@@ -223,6 +223,56 @@ def test_obstacle_sent_once_is_at_rest(tmp_path, parameters, stamp):
     assert since(result, *contact.between) == [30.1, 30.2]
     assert since(result, contact.first, contact.last) == pytest.approx([30.11, 30.161], abs=1e-5)
     assert min(value for _, value in result.footprints[0].separation) < 0.7
+
+
+def passing(path, obstacles, parameters, **bag):
+    """Return when a robot that drives from x = 0 to 10 in 10 s touches which obstacle."""
+    robot = [('/footprint', k / 10, box(k / 10)) for k in range(101)]
+    messages = sorted([*obstacles, *robot], key=lambda message: message[1])
+    result = check(write(path / 'bag', messages, **bag), Options(parameters={
+        f'{SOURCE}.{name}': value for name, value in parameters.items()}))
+    return [(contact.obstacle, *since(result, contact.first)) for contact in result.contacts]
+
+
+@pytest.mark.parametrize('end', [[], [('/obstacles', 0.6, [])]], ids=['settles', 'ends'])
+def test_walls_of_a_map_have_stamps_of_their_own(tmp_path, end):
+    walls = [('/obstacles', k / 5, box(3.0 * (k + 1))) for k in range(3)]
+    assert passing(tmp_path, walls + end, {'timeout': 0.0}, latched=['/obstacles']) == [
+        ('obstacle/-1', 2.0), ('obstacle/-2', 5.0), ('obstacle/-3', 8.0)]
+
+
+@pytest.mark.parametrize('later, instance', [(0, None), (SECOND, None), (SECOND, 7)],
+                         ids=['without stamps', 'with stamps', 'with ids'])
+@pytest.mark.parametrize('refused', [False, True])
+def test_map_is_replaced_by_a_whole_one(tmp_path, later, instance, refused):
+    """The wall at 5 m is in the first map only; of the second one a wall may be refused."""
+    def wall(time, points, number=0):
+        stamp = later and START + round(time * SECOND)
+        return '/obstacles', time, serialised(
+            points, stamp, instance=instance and instance + number)
+    bad = [wall(1.0, [(float('nan'), 0.0)], 2)] if refused else []
+    walls = [wall(0.0, box(5)), wall(0.0, []), wall(1.0, box(8), 1), *bad, wall(1.0, [])]
+    found = passing(tmp_path, walls, {'timeout': 0.0}, latched=['/obstacles'],
+                    types={'/obstacles': INSTANCE if instance else POLYGON})
+    assert [time for _, time in found] == [4.0, 7.0][not refused:]
+
+
+def test_set_goes_on_after_its_empty_polygon(tmp_path):
+    """Messages of its stamp belong to it; the wall is touched between two sets."""
+    sets = [message for k in range(11) for message in (
+        ('/obstacles', k, box(4.25)), ('/obstacles', k, []), ('/obstacles', k, box(9)[:3]))]
+    robot = [('/footprint', k / 10, box(0.0, size=4.5 if k == 55 else 4.0)) for k in range(101)]
+    result = run(tmp_path, sets + robot)
+    assert [contact.obstacle for contact in result.contacts] == ['obstacle/0']
+
+
+def test_sets_of_one_message_are_matched(tmp_path):
+    """Another robot at 100 Hz: set_window does not make one set of three of its messages."""
+    other = [('/obstacles', k / 100, box(20.0 - k / 50)) for k in range(1001)]
+    messages = samples([0.0] * 101) + other
+    result = run(tmp_path, messages, parameters={f'{SOURCE}.max_count': 1})
+    assert [contact.obstacle for contact in result.contacts] == ['obstacle/0']
+    assert result.sources[1].undetermined == 0
 
 
 def test_obstacle_at_rest_is_checked_at_every_footprint(tmp_path):

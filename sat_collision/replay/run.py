@@ -129,6 +129,9 @@ class _Run:
         self._outputs: BagOutputs | None = None
         self._now = 0
         self._due: float = NEVER
+        # With the clock of headers, the latest stamps by topic; those of maps may be of any time.
+        self._latest = {one.topic: 0 for one in settings.footprints} | {
+            one.topic: 0 for one in settings.obstacles if one.timeout}
         self._examples: dict[str, dict[str, str]] = {}
         self._undecodable: dict[str, list[str]] = {}
 
@@ -216,6 +219,8 @@ class _Run:
                 for data in messages:
                     self._keep(monitor.receive_transforms(topic, data, now))
         for topic, time, batch in runs:
+            if by_header and time and topic in self._latest:
+                self._check_clock(topic, time)
             if by_header and not now:
                 if not time or topic in TRANSFORM_TOPICS:
                     time = 0
@@ -270,6 +275,18 @@ class _Run:
         rows = self._recording.rows(topics, start, stop)
         return ((topic, times, [*map(stamped, messages)] if topic in twists else messages)
                 for topic, times, messages in rows) if twists else rows
+
+    def _check_clock(self, topic: str, time: int) -> None:
+        """Report a clock that was set back: what comes after that is too old to be checked."""
+        latest = self._latest[topic]
+        if time >= latest - WINDOW:
+            self._latest[topic] = max(time, latest)
+            return
+        self._result.problems.append(
+            f'{self._recording.path}: after {self._result.since(latest):.3f} s the stamps of '
+            f'{topic} go back by {(latest - time) / 1e9:.3f} s, as where a simulation was reset; '
+            'with --clock header what follows is not checked: record each run by itself')
+        self._latest.clear()
 
     def _first_stamp(self, names: Collection[str]) -> int | None:
         """Return the header stamp with which the recording begins, None if there is none."""

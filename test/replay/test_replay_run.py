@@ -212,6 +212,22 @@ def test_recording_of_a_simulation_needs_the_header_clock(tmp_path):
     assert since(result, result.contacts[0].first, result.contacts[0].last) == [4.0, 5.0]
 
 
+@pytest.mark.parametrize('as_live', [False, True])
+@pytest.mark.parametrize('back, verdict', [(0.0, Verdict.CLEAR), (30.0, Verdict.BAD_INPUT)])
+def test_simulation_that_was_reset_is_not_clear(tmp_path, as_live, back, verdict):
+    """By header stamps all that follows is too old, also a contact; only maps may be that old."""
+    def stamp(time):
+        return START + round((time - (back if time >= 20.0 else 0.0)) * SECOND)
+    messages = [('/walls', 15.0, serialised(box(50), 1)), *(
+        (topic, time, serialised(points, stamp(time)))
+        for topic, time, points in drive(40.0, contact=(25.0, 26.0) if back else (0.0, 0.0)))]
+    bag = write(tmp_path / 'bag', sorted(messages, key=lambda one: one[1]), latched=['/walls'])
+    result = check(bag, Options(as_live=as_live, clock=HEADER, max_unknown=20.0, parameters={
+        'obstacles': ['seen', 'walls'], 'seen.topic': '/obstacles', 'walls.timeout': 0.0}))
+    assert result.verdict is verdict
+    assert all('go back by 29.900 s' in problem for problem in result.problems)
+
+
 @pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
 @pytest.mark.parametrize('latched, verdict', [
     ((), Verdict.UNKNOWN), (('/obstacles',), Verdict.CLEAR)])

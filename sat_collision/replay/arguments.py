@@ -25,7 +25,6 @@ from collections.abc import Sequence
 from difflib import get_close_matches
 from functools import partial
 import os
-import sys
 from typing import NoReturn
 
 from sat_collision import __version__
@@ -160,7 +159,7 @@ def _number(words: str, least: float, greatest: float, text: str) -> float:
     return value
 
 
-_seconds = partial(_number, 'a number of seconds, 0 or more', 0.0, sys.float_info.max)
+_seconds = partial(_number, 'a number of seconds from 0 to 1e12', 0.0, 1e12)
 _period = partial(_number, 'a number of seconds between 0.001 and 1000000', 1e-3, 1e6)
 _gigabytes = partial(_number, 'a number of GB between 0.001 and 1000000', 1e-3, 1e6)
 

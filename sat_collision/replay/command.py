@@ -306,9 +306,11 @@ def failed(path: str, options: Options, error: BaseException, attempts: int = 1)
 
 
 def _say(lines: Iterable[str]) -> None:
-    """Print lines; ignore a reader that has gone, such as `head`."""
+    """Print lines as far as can be encoded; ignore a reader that has gone, such as `head`."""
+    encoding = sys.stdout.encoding or 'utf-8'
+    text = '\n'.join(lines).encode(encoding, 'backslashreplace').decode(encoding)
     try:
-        print('\n'.join(lines), flush=True)
+        print(text, flush=True)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 

@@ -15,6 +15,7 @@
 """The command as a release gate: unexpected errors are not verdicts, errors are one line."""
 
 import json
+import os
 import re
 import shutil
 import signal
@@ -142,7 +143,8 @@ def test_output_paths_of_several_recordings_are_checked(bags, tmp_path, capsys):
     ([], 'at least one recording'), (['--what'], 'unrecognized'), (['--clock', 'sun'], "'sun'"),
     (['--jobs', '0'], 'whole number from 1'), (['--jobs', '1.5'], 'whole number'),
     (['--jobs', 'many'], 'whole number'), (['--start', 'soon'], 'number of seconds'),
-    (['--start', '-1'], 'number of seconds'), (['--max-memory', '0'], 'number of GB'),
+    (['--start', '-1'], 'number of seconds'), (['--start', '1e308'], 'to 1e12'),
+    (['--max-memory', '0'], 'number of GB'),
     (['--param-file', 'a.yaml'], 'did you mean --params-file?'),
     (['--footprint', 'amr=/amr'], 'amr:=/amr'),
     (['--write-bag', 'a'], '--as-live'),
@@ -267,6 +269,20 @@ def test_momentary_contact_is_not_printed_as_0_s(tmp_path, capsys):
     assert re.search(r'footprint +obstacle/0 +0.500 +moment\+ +0.5 ', out)
     assert 'reason' not in out
     assert 'in contact with obstacle/0 at 0.500 s, 0.5000 m deep' in junit.read_text()
+
+
+@pytest.mark.parametrize('name, encoding', [('b\udcffg\x01', 'utf-8'), ('bäg', 'ascii')])
+def test_paths_that_are_no_text(bags, tmp_path, name, encoding):
+    """Bytes that are not UTF-8, control characters, or letters that the terminal does not have."""
+    shutil.copytree(bags[0], tmp_path / name)
+    outputs = [tmp_path / f'a.{kind}' for kind in ('json', 'csv', 'junit', 'html')]
+    options = [f'--{one}={path}' for one, path in zip(('json', 'csv', 'junit', 'plot'), outputs)]
+    done = subprocess.run(
+        [sys.executable, '-m', 'sat_collision.replay', tmp_path / name, *options],
+        capture_output=True, env={**os.environ, 'PYTHONIOENCODING': f'{encoding}:strict'})
+    assert (done.returncode, done.stderr) == (0, b'')
+    assert b'CLEAR' in done.stdout and b'problem' not in done.stdout
+    assert ElementTree.parse(outputs[2]).getroot().tag == 'testsuites'
 
 
 def test_closed_output_is_no_error(bags, tmp_path):

@@ -29,6 +29,7 @@ import json
 import math
 from operator import attrgetter
 from pathlib import PurePath
+import re
 from typing import Any, NamedTuple, TypeAlias
 from xml.etree import ElementTree
 
@@ -43,6 +44,9 @@ _COLUMNS = ('bag', 'kind', 'footprint', 'obstacle', 'first_ns', 'last_ns', 'dura
 # A test case: recording, subject, how it would fail (error or failure), and what is wrong.
 _Case: TypeAlias = tuple[str, str, str, list[str]]
 _Values: TypeAlias = dict[str, Any]
+
+# Paths may have these.
+_NOT_IN_XML = re.compile('[\0-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]')
 
 # Separations are rounded: another processor or NumPy may round otherwise.
 _TOLERANCE = 1e-9
@@ -70,7 +74,7 @@ def write_json(results: list[Result], path: str) -> None:
 
 def write_csv(results: list[Result], path: str) -> None:
     """Write a row for each contact, each unknown interval and each time to collision."""
-    with open(path, 'w', encoding='utf-8', newline='') as file:
+    with open(path, 'w', encoding='utf-8', errors='backslashreplace', newline='') as file:
         writer = csv.DictWriter(file, _COLUMNS)
         writer.writeheader()
         for result in results:
@@ -136,7 +140,9 @@ def _write_suites(suites: list[ElementTree.Element], path: str) -> None:
     root = ElementTree.Element('testsuites', name='replay_check')
     root.extend(suites)
     ElementTree.indent(root)
-    ElementTree.ElementTree(root).write(path, encoding='utf-8', xml_declaration=True)
+    text = _NOT_IN_XML.sub('?', ElementTree.tostring(root, 'unicode'))
+    with open(path, 'w', encoding='utf-8') as file:
+        file.write(f"<?xml version='1.0' encoding='utf-8'?>\n{text}")
 
 
 def _failures(footprint: FootprintResult, result: Result) -> Iterator[str]:

@@ -66,7 +66,7 @@ def write_page(results: list[Result], path: str) -> None:
         'script': '\n'.join(source.joinpath(name).read_text('utf-8') for name in _SCRIPTS)}
     page = source.joinpath('page.html').read_text('utf-8')
     pieces = page.split('@@')
-    with open(path, 'w', encoding='utf-8') as file:
+    with open(path, 'w', encoding='utf-8', errors='backslashreplace') as file:
         file.writelines(parts[piece] if k % 2 else piece for k, piece in enumerate(pieces))
 
 

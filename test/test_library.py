@@ -15,12 +15,14 @@
 """The public API of the library: names, help, examples, shapely geometries and errors."""
 
 import doctest
+from fractions import Fraction
 import importlib
 from io import StringIO
 import os
 import pydoc
 import subprocess
 import sys
+import warnings
 
 from bodies import as_shapely, random_body
 import numpy as np
@@ -146,6 +148,23 @@ def test_invalid_margin_is_refused(margin):
     """Even if nothing would be found."""
     with pytest.raises(ValueError, match='margin .* 0 or more'):
         PolygonSet([SQUARE]).rows_within([(9, 9)], margin)
+
+
+@pytest.mark.parametrize('number', [np.float16, np.float32, np.longdouble, Fraction])
+def test_numbers_of_any_type_are_taken_as_doubles(number):
+    """Without a warning, or a kernel for each type; infinity is refused in each."""
+    obstacles = PolygonSet([[(1, 1)]])
+    uses = [lambda value: obstacles.first_contact([(0, 0)], (1, 0, 0.5), value),
+            lambda value: obstacles.first_contact([(0, 0)], (1, 0, 0.5), 3.0, margin=value),
+            lambda value: obstacles.first_contact([(0, 0)], (1, 0, 0.5), 3.0, tolerance=value),
+            lambda value: time_of_contact(SQUARE, SQUARE, [(4, 1)], [(3, 1)], tolerance=value),
+            lambda value: time_of_contact(SQUARE, SQUARE, [(4, 1)], [(3, 1)], margin=value)]
+    for use in uses:
+        with warnings.catch_warnings():
+            warnings.simplefilter('error')
+            assert use(number(2)) == use(2.0)
+            with pytest.raises(ValueError, match='finite'):
+                use(10 ** 400 if number is Fraction else number('inf'))
 
 
 @pytest.mark.parametrize('one', [Polygon(SQUARE), shapely.Polygon(SQUARE)])

@@ -30,7 +30,6 @@ distance from a line along the path.
 from __future__ import annotations
 
 import math
-import sys
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -44,7 +43,7 @@ from sat_collision.geometry.moving import STRIDE
 from sat_collision.geometry.plane import bounds_of, length, unit
 from sat_collision.geometry.predicates import UNDERFLOW_BOUND
 from sat_collision.geometry.scan import contains
-from sat_collision.geometry.sweep import first_contact_of_moving, limits
+from sat_collision.geometry.sweep import double, first_contact_of_moving, limits
 
 # The most that a body turns in a piece, rad, unless that takes too many pieces.
 _TURN = 0.1
@@ -107,7 +106,7 @@ def motion_of(twist: ArrayLike, horizon: float, pose: ArrayLike, tolerance: floa
     """Return a `Motion` as an array; raise `ValueError` if a value is not valid."""
     vx, vy, turn = _finite(twist, 'twist', 'vx and vy in m/s, omega in rad/s').tolist()
     x, y, yaw = _finite(pose, 'pose', 'x and y in metres, yaw in rad').tolist()
-    if not 0.0 <= horizon <= sys.float_info.max:
+    if not horizon >= 0.0 or (horizon := double(horizon)) == math.inf:
         raise ValueError(f'horizon {horizon}, but it has to be 0 or more seconds, and finite')
     tolerance, margin = limits(tolerance, margin)
     if not math.isfinite((abs(vx) + abs(vy)) * horizon) or not math.isfinite(turn * horizon):

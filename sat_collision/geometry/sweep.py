@@ -31,7 +31,6 @@ extreme magnitude they are multiplied by a power of two, so that nothing overflo
 from __future__ import annotations
 
 import math
-import sys
 
 from numpy.typing import ArrayLike
 from sat_collision.geometry.distance import measure_arrays
@@ -113,12 +112,20 @@ def time_of_contact(a0: ArrayLike, a1: ArrayLike, b0: ArrayLike, b1: ArrayLike,
 
 def limits(tolerance: float, margin: float) -> tuple[float, float]:
     """Return tolerance and margin as doubles; raise `ValueError` if they are not valid."""
-    if not 0.0 < tolerance <= sys.float_info.max:
+    if not tolerance > 0.0 or not 0.0 < double(tolerance) < math.inf:
         raise ValueError(f'tolerance {tolerance}, but it has to be positive and finite')
-    if not 0.0 <= margin <= sys.float_info.max:
+    if not margin >= 0.0 or double(margin) == math.inf:
         raise ValueError(f'margin {margin}, but it has to be 0 or more, and finite')
     # A kernel is compiled again for an integer.
-    return float(tolerance), float(margin)
+    return double(tolerance), double(margin)
+
+
+def double(value: float) -> float:
+    """Return a number of any type as a double, infinity if it is beyond the largest one."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
 
 
 @kernel

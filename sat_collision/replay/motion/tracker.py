@@ -321,14 +321,18 @@ class KeyTracker(Tracker):
         # The group of bodies that is being received.
         self._pending: dict[ObstacleId, Placement] = {}
         self._shapes: dict[tuple[bytes, object], ObstacleId] = {}
-        self._first_stamp = self._rested = 0
+        self._first_stamp = self._rested = self._now = 0
         # What of the map has been received, and whether nothing of it was refused.
         self._listed: set[ObstacleId] = set()
         self._is_whole = True
 
     def place(self, placement: Placement, described: Described | None = None) -> None:
+        is_map = self._timeout == NEVER
+        if is_map:
+            # It may be stamped long before it was received, again and again.
+            placement = placement._replace(stamp=max(placement.stamp, self._now))
         if placement.is_empty:
-            if self._timeout == NEVER:
+            if is_map:
                 self._end_map(placement.stamp)
             return
         for one in placement.each():
@@ -350,6 +354,7 @@ class KeyTracker(Tracker):
         self._is_whole = False
 
     def rest(self, now: int, is_over: bool = False) -> None:
+        self._now = now
         if self._pending and (is_over or now > self._first_stamp + self._longest):
             self._close()
         if is_over or now > self._rested + self._longest:

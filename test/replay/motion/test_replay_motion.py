@@ -241,20 +241,22 @@ def test_walls_of_a_map_have_stamps_of_their_own(tmp_path, end):
         ('obstacle/-1', 2.0), ('obstacle/-2', 5.0), ('obstacle/-3', 8.0)]
 
 
-@pytest.mark.parametrize('later, instance', [(0, None), (SECOND, None), (SECOND, 7)],
-                         ids=['without stamps', 'with stamps', 'with ids'])
+@pytest.mark.parametrize('start, instance', [
+    (None, None), (START, None), (START, 7), (START - 3600 * SECOND, None)],
+    ids=['without stamps', 'with stamps', 'with ids', 'stamped long before'])
 @pytest.mark.parametrize('refused', [False, True])
-def test_map_is_replaced_by_a_whole_one(tmp_path, later, instance, refused):
-    """The wall at 5 m is in the first map only; of the second one a wall may be refused."""
+def test_map_is_replaced_by_a_whole_one(tmp_path, start, instance, refused):
+    """Two walls are in the first map only; of the second one a wall may be refused."""
     def wall(time, points, number=0):
-        stamp = later and START + round(time * SECOND)
+        stamp = 0 if start is None else start + round(time * SECOND)
         return '/obstacles', time, serialised(
             points, stamp, instance=instance and instance + number)
     bad = [wall(1.0, [(float('nan'), 0.0)], 2)] if refused else []
-    walls = [wall(0.0, box(5)), wall(0.0, []), wall(1.0, box(8), 1), *bad, wall(1.0, [])]
+    walls = [wall(0.0, box(1.5)), wall(0.0, box(5), 3), wall(0.0, []),
+             wall(1.0, box(8), 1), *bad, wall(1.0, [])]
     found = passing(tmp_path, walls, {'timeout': 0.0}, latched=['/obstacles'],
                     types={'/obstacles': INSTANCE if instance else POLYGON})
-    assert [time for _, time in found] == [4.0, 7.0][not refused:]
+    assert [time for _, time in found] == ([0.5, 4.0, 7.0] if refused else [0.5, 7.0])
 
 
 def test_set_goes_on_after_its_empty_polygon(tmp_path):

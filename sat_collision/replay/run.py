@@ -306,11 +306,13 @@ class _Run:
                 rejection.reason, rejection.text)
 
     def _follow(self, now: int) -> None:
-        """Process new placements and changed states."""
+        """Process new placements and, once the clock has started, changed states."""
         untaken = self._untaken = len(self._placements)
         if untaken >= self._together or (
                 untaken and untaken * len(self._placements[-1].points[0]) > _MAX_BYTES):
             self._place(untaken)
+        if not now:
+            return
         changed = self._scene.changes()
         if changed:
             self._change(changed, now)

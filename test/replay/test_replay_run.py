@@ -241,6 +241,18 @@ def test_map_recorded_once_must_be_latched(tmp_path, storage, latched, verdict):
     assert result.verdict is verdict
 
 
+@pytest.mark.parametrize('as_live', [False, True])
+def test_header_clock_starts_with_the_first_stamp(tmp_path, as_live):
+    """A map without a stamp that comes before does not make the time since 1970 unknown."""
+    messages = [('/obstacles', 0.0, serialised(points, 0)) for points in (box(3), [])]
+    messages += [('/footprint', k / 10, box(0)) for k in range(1, 50)]
+    bag = write(tmp_path / 'bag', messages, latched=['/obstacles'])
+    result = check(bag, Options(as_live=as_live, clock=HEADER, parameters={
+        f'{SOURCE}.timeout': 0.0}))
+    assert (result.verdict, result.unknown) == (Verdict.CLEAR, [])
+    assert result.footprints[0].least.separation == 2.0
+
+
 def test_jitter_of_header_stamps_drops_nothing(tmp_path):
     """Obstacles are 50 ms behind the footprint, but the clock does not go back."""
     messages = [(topic, time, serialised(points, START + round(

@@ -137,6 +137,8 @@ class _Developer:
                 self._hold(sight, end + 1)
         for name in self._footprints:
             self._lose(name, len(self._keyframes.moments))
+        # Others came and went between two moments.
+        self._keyframes.bodies = [body for body in self._keyframes.bodies if body.spans]
 
     def _move(self, sight: _Sight, motion: LinearMotion, i: int) -> None:
         start, finish = int(motion.starts[i]), int(motion.finishes[i])

@@ -22,6 +22,7 @@ from sat_collision.geometry.query import separation
 from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.bag.storage import Limits
 from sat_collision.replay.model.result import moments_of, Options
+from sat_collision.replay.output.page import write_page
 from sat_collision.replay.run import check
 
 RECORDINGS = ('autoware_ego_trajectory_boxes', 'commonroad_BEL_Zaventem-1_2_T-1',
@@ -156,3 +157,12 @@ def test_keyframes_respect_the_disk_limit(tmp_path, as_live):
     result = with_keyframes(path, as_live=as_live, limits=Limits(disk=1000))
     assert result.keyframes is None and '--max-disk' in result.notes.pop()
     assert plain == result
+
+
+def test_bodies_that_come_and_go_between_two_moments_are_left_out(tmp_path):
+    """There are moments every 0.25 s, and the page can be written."""
+    messages = [message for k in range(1000) for message in (
+        ('/footprint', k / 10, box(0)), ('/obstacles', k / 10, box(3 + k % 50)[:3 + k % 2]))]
+    result = with_keyframes(write(tmp_path / 'bag', messages))
+    assert all(body.spans for body in result.keyframes.bodies)
+    write_page([result], tmp_path / 'page.html')

@@ -229,9 +229,9 @@ class _Run:
             elif not by_header and stop is not None and time >= stop:
                 break
             if time > now:
-                now = time
-                if now > monitor.deadline or now >= self._due:
-                    self._pass_until(now)
+                if time > monitor.deadline or time >= self._due:
+                    self._pass_until(time)
+                self._now = now = time
             if topic in TRANSFORM_TOPICS:
                 for data in batch:
                     self._keep(monitor.receive_transforms(topic, data, now))
@@ -247,7 +247,7 @@ class _Run:
                     self._receive(name, [data], now, number and number + k)
             if rows and len(names[topic]) == 1 and now:
                 bound = min(monitor.deadline, self._due - 1, NEVER if stop is None else stop - 1)
-                now = rows.receive_run(monitor, names[topic][0], now, bound)
+                self._now = now = rows.receive_run(monitor, names[topic][0], now, bound)
         if self._result.start is None:
             return
         end = now if by_header else max(now, end - max(ordered.delay if ordered else 0, 0))

@@ -253,6 +253,29 @@ def test_header_clock_starts_with_the_first_stamp(tmp_path, as_live):
     assert result.footprints[0].least.separation == 2.0
 
 
+@pytest.mark.parametrize('clock', ('receive', 'header'))
+@pytest.mark.parametrize('as_live', [False, True])
+def test_time_of_the_monitor_does_not_go_back(tmp_path, monkeypatch, as_live, clock):
+    """Not to the deadline of a message of long ago: it would drop all bodies."""
+    times = []
+
+    class Watched(replay.Monitor):
+        def receive_batch(self, name, messages, now, number):
+            times.append(now)
+            return super().receive_batch(name, messages, now, number)
+
+        def advance(self, now, is_all_taken=True):
+            times.append(now)
+            return super().advance(now, is_all_taken)
+
+    monkeypatch.setattr(replay, 'Monitor', Watched)
+    messages = [*standing(3.0), ('/obstacles', 1.55, serialised(box(9), SECOND))]
+    bag = write(tmp_path / 'bag', sorted(messages, key=lambda one: one[1]))
+    check(bag, Options(as_live=as_live, clock=clock, sample=5.0, parameters={
+        f'{SOURCE}.accumulate': True}))
+    assert len(times) > 60 and times == sorted(times)
+
+
 def test_jitter_of_header_stamps_drops_nothing(tmp_path):
     """Obstacles are 50 ms behind the footprint, but the clock does not go back."""
     messages = [(topic, time, serialised(points, START + round(

@@ -260,6 +260,7 @@ def test_time_of_the_monitor_does_not_go_back(tmp_path, monkeypatch, as_live, cl
     times = []
 
     class Watched(replay.Monitor):
+
         def receive_batch(self, name, messages, now, number):
             times.append(now)
             return super().receive_batch(name, messages, now, number)

@@ -32,13 +32,13 @@ class News(enum.Enum):
 
     CONTINUES = 'it is the next one of its stream'
     LOST = 'it is of the same stream, but some before it were lost'
-    MET = 'it is of another stream, which is met in its middle'
+    MET = 'it is of another stream, whose earlier messages were not received'
     BEGUN = 'it is the first one of its stream'
 
 
 CONTINUES, LOST, MET, BEGUN = News
 
-# Max time in ns for which numbers that only two publishers can have sent are a fault.
+# Max time in ns for which sequence numbers that only two publishers can have sent are a fault.
 _LONGEST_MIXED = 10 * 10**9
 
 

@@ -43,7 +43,7 @@ class Outlines:
     """
     Places outlines in the scene whenever their frames have moved.
 
-    Transforms receive odometry, too; poses of outlines that move by /tf count as `received`.
+    `transforms` also receives the odometry. `received` counts poses of outlines that move by /tf.
     """
 
     def __init__(self, settings: Settings, ingest: Ingest, transforms: TransformListener,

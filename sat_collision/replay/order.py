@@ -39,7 +39,7 @@ _header_of = itemgetter(slice(STAMP_SIZE))
 
 
 class Rows:
-    """Yields messages as received, one by one; skips those that `receive_run` has passed on."""
+    """Yields messages as received, one by one, except those that `receive_run` has passed on."""
 
     def __init__(self, rows: Iterable[Row]) -> None:
         self._rows = rows

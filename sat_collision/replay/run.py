@@ -41,14 +41,14 @@ from sat_collision.replay.motion.walk import Motion
 from sat_collision.replay.order import Rows, StampOrder, Timed, WINDOW
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.scene import OVERTAKEN
-from sat_collision.scene.settings import NEVER, Settings
+from sat_collision.scene.settings import FAR, NEVER, Settings
 
 if TYPE_CHECKING:
     from sat_collision.replay.output.bag import BagOutputs
 
 OnProgress: TypeAlias = Callable[[float], None]
 
-_APART = 3600 * 10**9
+# Messages between two reports of progress.
 _PROGRESS_EVERY = 500
 # So many placements are processed together, which is faster than one by one; fewer if messages are
 # long, so that memory stays bounded.
@@ -56,6 +56,7 @@ _TOGETHER = 256
 _MAX_BYTES = 2**20
 # Reasons for rejection that do not depend on when and where a message is received.
 _OF_CONTENT = {EMPTY_FRAME_ID, LONG_FRAME_ID, *(reason.value for reason in Reason)}
+# Max time in ns without messages in which timers go on.
 _LONGEST_QUIET = 60 * 10**9
 
 
@@ -176,7 +177,7 @@ class _Run:
         if self._tape and self._tape.is_full:
             result.notes.append('there was more to draw than --max-disk allows to keep')
         elif self._tape and result.end is not None and (moments := moments_of(result)):
-            result.keyframes = self._tape.develop(moments, result.end)
+            result.keyframes = self._tape.keyframes_at(moments, result.end)
 
     def _play(self, names: dict[str, list[str]], start: int, stop: int | None, end: int,
               progress: OnProgress | None) -> None:
@@ -350,7 +351,7 @@ class _Run:
             if topic in TRANSFORM_TOPICS:
                 continue
             stamp = header_stamp(data)
-            if self._options.clock == RECEIVE and stamp and abs(time - stamp) > _APART:
+            if self._options.clock == RECEIVE and stamp and abs(time - stamp) > FAR:
                 self._result.notes.append(
                     f'the first header stamp is {abs(time - stamp) / 1e9:.0f} s from the receive '
                     'time, as in recordings of simulations: try --clock header')
@@ -378,7 +379,7 @@ class Timer:
         self._period = max(round(period * 1e9), 1)
 
     def act(self, until: float) -> None:
-        """Call the action; if `until` is over a minute away, skip its calls until then."""
+        """Call the action; skip further calls up to `until` if that is over a minute away."""
         self.action(int(self.due))
         self.due += self._period
         quiet = until - self.due

@@ -40,11 +40,11 @@ class MotionTape(Tape):
         super().__init__(max_bytes)
         self._footprints = footprints
 
-    def develop(self, moments: Sequence[int], end: int) -> Keyframes:
+    def keyframes_at(self, moments: Sequence[int], end: int) -> Keyframes:
         """Return keyframes at some moments; the recording ends at a time in ns."""
         keyframes = Keyframes(moments)
         trajectories = {one.name: Trajectory(one) for one in self._footprints}
-        motion = _Developer(keyframes)
+        motion = _Filler(keyframes)
         for key, event in self._events():
             if isinstance(event, Step):
                 motion.follow(key, event)
@@ -72,7 +72,7 @@ class _Sight(NamedTuple):
     body: ShownBody
 
 
-class _Developer:
+class _Filler:
     """
     Fills keyframes with the recorded motion that contacts are decided by.
 

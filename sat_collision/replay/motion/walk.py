@@ -144,9 +144,9 @@ class Motion:
     """
     Decides whether footprints touched obstacles, from the placements in messages.
 
-    When footprints are unknown, the scene says. Results are filled in, and a tape for drawing, if
-    given. Footprints with an outline in the parameters are placed by transforms. Without a
-    horizon, in s, no collisions are predicted.
+    The scene tells when footprints are unknown. Results are filled in, and so is a tape for
+    drawing, if given. Footprints with an outline in the parameters are placed by transforms.
+    Without a horizon, in s, no collisions are predicted.
     """
 
     def __init__(self, settings: Settings, scene: Scene, transforms: TransformListener,

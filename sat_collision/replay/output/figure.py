@@ -38,10 +38,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.text import Text
 
-# What leaves the time of drawing out, by the ending of the file.
+# Metadata without the time of drawing, by the ending of the file.
 _UNDATED = {'.svg': {'Date': None}, '.pdf': {'CreationDate': None}}
 _DPI = 110
-# Most scenes drawn, and most of them side by side.
+# Max scenes drawn, and max of them side by side.
 _MAX_SCENES = 6
 _COLUMNS = 3
 # Height of a row in inches, height of a bar in rows, least width of a bar as a share of all time.
@@ -68,7 +68,7 @@ class _View(NamedTuple):
 
 
 def _views(result: Result) -> Sequence[_View | None]:
-    """Return the scenes to show: of each contact, or where the separation is least, or of all."""
+    """Return the scenes to show: the deepest contacts, else the least separation, else None."""
     found = sorted(deepest_contacts(result)[:_MAX_SCENES], key=lambda contact: contact.deepest)
     if found:
         return [_View(one.footprint, one.obstacle, one.deepest, 0.0 - one.depth, one.x, one.y)

@@ -50,7 +50,7 @@ RED, GREY, OBSTACLE, INK = '#d62728', '#9aa0a6', '#5b7089', '#2b3138'
 _LINES = ('#1f77b4', '#e08214', '#7b52ab', '#1a9e96', '#8c564b', '#3f8f3f', '#c2559d', '#6b7a1f')
 # Of more footprints: hues from orange to violet.
 _FIRST_HUE, _LAST_HUE = 0.08, 0.9
-# Most rows of a footprint in a chart, whose bars overlap in time.
+# Max rows of a footprint in a chart, for bars that overlap in time.
 _MAX_BAR_ROWS = 4
 # More unknown times than this are joined across short gaps.
 _MANY = 1000

@@ -31,7 +31,7 @@ from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.bag.storage import Row
 from sat_collision.replay.live import SceneTape, Timeline
 from sat_collision.replay.model.configuration import (
-    all_sources, is_subscribed, missing_topics, settings_for, TRANSFORM_TYPE, TWIST_TYPE,
+    all_sources, is_subscribed, missing_topics, settings_for, Source, TRANSFORM_TYPE, TWIST_TYPE,
     wrong_types)
 from sat_collision.replay.model.result import (
     FootprintResult, HEADER, moments_of, Options, RECEIVE, Result, SourceResult)
@@ -160,16 +160,7 @@ class _Run:
                                    f'be decoded, the first one: {details[0]}')
         if recording.topics and not recording.counts.total():
             result.notes.append('the recording has no messages')
-        result.sources = [
-            SourceResult(source.name, source.topic, self._monitor.received[source.name],
-                         rejected := {
-                             reason: count for (name, reason), count in
-                             sorted(self._monitor.rejected.items()) if name == source.name},
-                         self._examples.get(source.name, {}),
-                         self._motion.undetermined(source.name) if self._motion else 0,
-                         sum(count for reason, count in rejected.items()
-                             if reason in _OF_CONTENT))
-            for source in all_sources(self._settings)]
+        result.sources = [self._result_of(source) for source in all_sources(self._settings)]
         result.footprints = self._footprints
         result.contacts = self._timeline.contacts
         result.unknown = self._timeline.unknown
@@ -178,6 +169,16 @@ class _Run:
             result.notes.append('there was more to draw than --max-disk allows to keep')
         elif self._tape and result.end is not None and (moments := moments_of(result)):
             result.keyframes = self._tape.keyframes_at(moments, result.end)
+
+    def _result_of(self, source: Source) -> SourceResult:
+        name = source.name
+        rejected = {reason: count for (of, reason), count
+                    in sorted(self._monitor.rejected.items()) if of == name}
+        return SourceResult(
+            name, source.topic, self._monitor.received[name], rejected,
+            examples=self._examples.get(name, {}),
+            undetermined=self._motion.undetermined(name) if self._motion else 0,
+            refused=sum(count for reason, count in rejected.items() if reason in _OF_CONTENT))
 
     def _play(self, names: dict[str, list[str]], start: int, stop: int | None, end: int,
               progress: OnProgress | None) -> None:

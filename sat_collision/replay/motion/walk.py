@@ -32,8 +32,8 @@ from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.replay.model.result import (
     Contact, FootprintResult, joined, Unknown, Unknowns)
 from sat_collision.replay.motion.bodies import Block, Bodies, LONGEST
-from sat_collision.replay.motion.contacts import Contacts, ContactTracker
-from sat_collision.replay.motion.prediction import Prediction
+from sat_collision.replay.motion.contacts import ContactResults, ContactTracker
+from sat_collision.replay.motion.prediction import Predictor
 from sat_collision.replay.motion.tape import MotionTape
 from sat_collision.replay.motion.tracker import Emit, KeyTracker, SetTracker, Step, Tracker
 from sat_collision.replay.motion.trajectories import Poses, Trajectory
@@ -62,9 +62,9 @@ class Sweep:
         self._margin = margin
         self._keep = keep
         self.trajectory = Trajectory(settings)
-        self.contacts = Contacts(result, contacts, self.trajectory)
+        self.contacts = ContactResults(result, contacts, self.trajectory)
         self.prediction = (None if horizon is None
-                           else Prediction(settings, self.trajectory, horizon, margin))
+                           else Predictor(settings, self.trajectory, horizon, margin))
         self._contact_trackers: dict[Tracker, ContactTracker] = {}
 
     def describe(self, placements: Sequence[Placement]) -> list[Bodies]:

@@ -13,7 +13,7 @@ function svg(kind, attributes = {}, text = '') {
   return made;
 }
 
-// Round numbers between two, some `count` of them, and how many decimals they have.
+// About `count` round numbers between two others, and how many decimals they have.
 function ticks(low, high, count) {
   const rough = (high - low) / Math.max(count, 1) || 1;
   const power = 10 ** Math.floor(Math.log10(rough));

@@ -19,7 +19,7 @@ The path is cut into pieces in which the body turns by at most 0.1 rad. In a pie
 moved along its chord, as in `sweep`, and the sagitta, the greatest distance between an arc and its
 chord, is added to the margin: if the chords are clear by that, so is the piece. If not, the piece
 is cut finer from there on, until the sagitta is a fraction of the tolerance. So the time found is
-never late, and the bodies are within the tolerance then (docs/exactness.md, lemma 23). A straight
+never late, and the bodies are within the tolerance then (docs/exactness.md, lemma 22). A straight
 path is one piece without a sagitta.
 
 Most bodies at rest near the path are beside it and are left out at once: a point of a body that

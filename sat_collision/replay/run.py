@@ -35,9 +35,9 @@ from sat_collision.replay.model.configuration import (
     wrong_types)
 from sat_collision.replay.model.result import (
     FootprintResult, HEADER, moments_of, Options, RECEIVE, Result, SourceResult)
+from sat_collision.replay.motion.motion import Motion
 from sat_collision.replay.motion.prediction import HORIZON
 from sat_collision.replay.motion.tape import MotionTape
-from sat_collision.replay.motion.walk import Motion
 from sat_collision.replay.order import Rows, StampOrder, Timed, WINDOW
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.scene import OVERTAKEN

@@ -29,7 +29,7 @@ from dataclasses import dataclass
 
 from sat_collision.scene.obstacle_store import KeyedGroup, ObstacleStore, SetGroup
 from sat_collision.scene.settings import NEVER, ObstacleSettings
-from sat_collision.scene.streams import BEGUN, CONTINUES, LOST, MET, News
+from sat_collision.scene.streams import BEGUN, CONTINUES, JOINED, LOST, News
 
 LOSS = 'messages were lost'
 
@@ -361,7 +361,7 @@ class Maps(_Keyed):
         elif news is LOST:
             self.spoil(LOSS, now)
             self.wants_history = True
-        elif news is MET:
+        elif news is JOINED:
             self.spoil('it was received from its middle on: the depth of its publisher must hold '
                        'the whole map', now)
         self.wait(now)

@@ -28,7 +28,7 @@ from sat_collision.scene.obstacle_store import KeyedGroup, ObstacleStore, SetGro
 from sat_collision.scene.obstacles import Key
 from sat_collision.scene.settings import (
     BY_ANOTHER_CLOCK, FAR, NEVER, ObstacleSettings, POLYGON_INSTANCE)
-from sat_collision.scene.streams import BEGUN, CONTINUES, Endpoint, MET, News, Stream
+from sat_collision.scene.streams import BEGUN, CONTINUES, Endpoint, JOINED, News, Stream
 from sat_collision.scene.velocity import MotionTracker, Vertices
 
 TOO_OLD = 'too old'
@@ -228,7 +228,7 @@ class Source:
             kind = self._stamped if stamp else self._unstamped
         elif kind not in (self._stamped, self._unstamped):
             kind = self._stamped
-        if news is MET or news is BEGUN or kind is not type(self.listing):
+        if news is JOINED or news is BEGUN or kind is not type(self.listing):
             self._begin_anew(kind, now)
 
     def _key_of(self, body: PackedBody | None, instance: int | None) -> Key | None:

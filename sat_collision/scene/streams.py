@@ -32,11 +32,11 @@ class News(enum.Enum):
 
     CONTINUES = 'it is the next one of its stream'
     LOST = 'it is of the same stream, but some before it were lost'
-    MET = 'it is of another stream, whose earlier messages were not received'
+    JOINED = 'it is of another stream, whose earlier messages were not received'
     BEGUN = 'it is the first one of its stream'
 
 
-CONTINUES, LOST, MET, BEGUN = News
+CONTINUES, LOST, JOINED, BEGUN = News
 
 # Max time in ns for which sequence numbers that only two publishers can have sent are a fault.
 _LONGEST_MIXED = 10 * 10**9
@@ -117,7 +117,7 @@ class Stream:
         if number == 1 or number <= last:
             self._last_before = last
             self._find_publisher(number, expected, now)
-            return BEGUN if number == 1 else MET
+            return BEGUN if number == 1 else JOINED
         if expected is None:
             # Its publisher is known only if there is just one.
             if self._endpoints and len(self._endpoints) == 1:
@@ -126,7 +126,7 @@ class Stream:
             else:
                 self._perhaps_silent |= self._silent
             self._silent.clear()
-            return MET
+            return JOINED
         self.lost += number - expected
         if number > self._last_before:
             # It may be from a publisher of the same node name that is alive after all.

@@ -21,6 +21,6 @@ contacts      where and when a footprint touches obstacles in between
 kernels       operations on many rings (outlines as received): bounds, nearest neighbours, motions
 nearness      which bodies are near to a footprint
 prediction    predicted time to collision of a footprint
-walk          all of this applied to a recording
+motion        all of this applied to a recording
 tape          the motion kept for drawing
 """

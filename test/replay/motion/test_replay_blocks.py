@@ -21,7 +21,7 @@ from sat_collision.messages.ingest import Placement
 from sat_collision.replay.model.configuration import settings_of
 from sat_collision.replay.model.result import FootprintResult
 from sat_collision.replay.motion import contacts
-from sat_collision.replay.motion.walk import Motion
+from sat_collision.replay.motion.motion import Motion
 
 SHAPES = [box(0.0), [(0, 0), (2, 0), (0.5, 1)], [(0, 0), (1.5, 0.5)], [*box(0.0), (0.0, 0.0)],
           [(0, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)]]

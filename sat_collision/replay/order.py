@@ -38,7 +38,7 @@ WINDOW = 10 * 10**9
 _header_of = itemgetter(slice(STAMP_SIZE))
 
 
-class Rows:
+class ArrivalOrder:
     """Yields messages as received, one by one, except those that `receive_run` has passed on."""
 
     def __init__(self, rows: Iterable[Row]) -> None:

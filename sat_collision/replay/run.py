@@ -35,10 +35,10 @@ from sat_collision.replay.model.configuration import (
     wrong_types)
 from sat_collision.replay.model.result import (
     FootprintResult, HEADER, moments_of, Options, RECEIVE, Result, SourceResult)
-from sat_collision.replay.motion.motion import Motion
+from sat_collision.replay.motion.motion import RecordedMotion
 from sat_collision.replay.motion.prediction import HORIZON
 from sat_collision.replay.motion.tape import MotionTape
-from sat_collision.replay.order import Rows, StampOrder, Timed, WINDOW
+from sat_collision.replay.order import ArrivalOrder, StampOrder, Timed, WINDOW
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.scene import OVERTAKEN
 from sat_collision.scene.settings import FAR, NEVER, Settings
@@ -112,9 +112,9 @@ class _Run:
                                 options.as_live or options.write_bag is not None)
         self._scene = self._monitor.scene
         self._timers: list[Timer] = []
-        self._motion: Motion | None = None
+        self._motion: RecordedMotion | None = None
         self._live: Timeline | None = None
-        self._timeline: Timeline | Motion
+        self._timeline: Timeline | RecordedMotion
         self._tape: SceneTape | MotionTape | None = None
         if options.as_live:
             if options.keyframes:
@@ -124,7 +124,7 @@ class _Run:
         else:
             if options.keyframes:
                 self._tape = MotionTape(options.limits.disk, settings.footprints)
-            self._timeline = self._motion = Motion(
+            self._timeline = self._motion = RecordedMotion(
                 settings, self._scene, self._monitor.transforms, footprints, self._tape,
                 None if options.min_ttc is None else max(HORIZON, options.min_ttc))
         self._outputs: BagOutputs | None = None
@@ -196,7 +196,7 @@ class _Run:
             total = sum(self._recording.counts[topic] for topic in names)
             read = _with_progress(read, total, progress)
         ordered = StampOrder(read, by_header) if self._motion else None
-        rows = None if ordered or by_header else Rows(read)
+        rows = None if ordered or by_header else ArrivalOrder(read)
         runs: Iterable[Timed] = ordered or rows or (
             (topic, 0 if topic in TRANSFORM_TOPICS else header_stamp(data), [data])
             for topic, _, messages in read for data in messages)

@@ -140,7 +140,7 @@ class Sweep:
         return over if latest is None else max(latest, over)
 
 
-class Motion:
+class RecordedMotion:
     """
     Decides whether footprints touched obstacles, from the placements in messages.
 

@@ -29,7 +29,7 @@ from sat_collision.replay.model.keyframes import Floats, Keyframes, ShownBody
 from sat_collision.replay.model.result import (
     Contact, deepest_contacts, least_of_all, MAX_CONTACTS, overall, Result, Sample, SEVERITY)
 from sat_collision.replay.output.text import (
-    CLOCKS, colours, contact_row, CONTACTS, distance, footprint_row, FOOTPRINTS, name_of, rows_of,
+    CLOCKS, colours, contact_row, CONTACTS, distance, footprint_row, FOOTPRINTS, lanes_of, name_of,
     SOONEST, soonest_rows, UNKNOWN, unknown_row, unknown_times)
 
 _SCRIPTS = ('page.js', 'timeline.js', 'scene.js')
@@ -134,9 +134,9 @@ def _recording(result: Result, keyframes: Keyframes, numbers: list[int],
              'unknown': _unknown_of(result, footprint.name)}
             for footprint, colour in zip(result.footprints, colours(result).values())
             for samples in [_curve(result, footprint.separation, count)]],
-        'rows': [{**row._asdict(), 'bars': [
-            {**bar._asdict(), 'contact': places.get(id(bar.contact))} for bar in row.bars]}
-            for row in rows_of(result)],
+        'lanes': [{**lane._asdict(), 'bars': [
+            {**bar._asdict(), 'contact': places.get(id(bar.contact))} for bar in lane.bars]}
+            for lane in lanes_of(result)],
         'contacts': [_contact(contact, result, rows, names) for contact in contacts],
         'times': [round(result.since(time), 6) for time in moments], 'unit': _UNIT,
         'bodies': [_body(body, names, numbers) for body in bodies],

@@ -124,9 +124,9 @@ class SetTracker(Tracker):
     """
     Follows a source that publishes sets.
 
-    A set is consecutive messages with stamps within `set_window` of the first. The order of bodies
-    may differ from set to set, so bodies of two sets are matched if they are nearest to each other
-    and have equally many vertices.
+    A set is a run of messages whose stamps lie within `set_window` of its first. The order of
+    bodies may differ from set to set, so bodies of two sets are matched if they are nearest to
+    each other and have equally many vertices.
     """
 
     def __init__(self, settings: ObstacleSettings, max_vertices: int, emit: Emit) -> None:

@@ -48,10 +48,10 @@ _Values: TypeAlias = dict[str, Any]
 # Paths may have these.
 _NOT_IN_XML = re.compile('[\0-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]')
 
-# Separations are rounded: another processor or NumPy may round otherwise.
+# These are rounded, on another processor or by another NumPy maybe otherwise.
+_ROUNDED = {'x', 'y', 'depth', 'separation', 'time_to_collision'}
 _TOLERANCE = 1e-9
-_PLACES = {'x', 'y', 'depth', 'separation', 'time_to_collision'}
-# Where two normals are equally good, rounding decides which.
+# Not compared, because where two normals are equally good rounding chooses one.
 _MANIFOLD = {'normal', 'points'}
 _CURVES = {'separation', 'time_to_collision'}
 _LEFT_OUT = {'bag', 'content', 'problems', 'notes', 'max_unknown', 'max_undetermined',
@@ -267,7 +267,7 @@ def _compared(where: str, expected: Any, found: Any) -> Iterator[str]:
 
 
 def _same(where: str, expected: Any, found: Any) -> bool:
-    if where.rpartition('.')[2] in _PLACES and isinstance(expected, float) and (
+    if where.rpartition('.')[2] in _ROUNDED and isinstance(expected, float) and (
             isinstance(found, (int, float))):
         return math.isclose(expected, found, rel_tol=_TOLERANCE, abs_tol=_TOLERANCE)
     return bool(expected == found)

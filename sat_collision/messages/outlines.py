@@ -157,8 +157,8 @@ class Commands:
         except MessageError as error:
             problem = UNDECODABLE, str(error)
         else:
-            time = stamp if 0 < stamp < now else now
-            age = (now - stamp) / 1e9 if now and stamp > 0 else 0.0
+            time = min(stamp or now, now)
+            age = (now - stamp) / 1e9 if now and stamp else 0.0
             if frame_id not in ('', footprint.frame_id):
                 problem = COMMAND_FRAME, (f'it is in {in_quotes(frame_id)}, the outline in '
                                           f'{in_quotes(footprint.frame_id)}')

@@ -32,6 +32,7 @@ from sat_collision.scene.settings import NEVER, ObstacleSettings
 from sat_collision.scene.streams import BEGUN, CONTINUES, LOST, MET, News
 
 LOSS = 'messages were lost'
+_CHANGED = 'its parameters were changed'
 
 # Max sets kept that are not whole, besides the last whole one.
 _MAX_SETS = 20
@@ -56,8 +57,8 @@ class _Listing:
         self.is_known = False  # whether all that the publisher sees is known
         self.wants_history = False  # whether a new subscription is needed for older messages
 
-    def configure(self, settings: ObstacleSettings) -> None:
-        """Apply the settings of the source."""
+    def configure(self, settings: ObstacleSettings, now: int) -> None:
+        """Apply the settings of the source; what others have proved may be proved no more."""
         self.timeout = round(settings.timeout * 1e9) or NEVER
         self.window = round(settings.set_window * 1e9)
         self.settle_time = round(settings.settle_time * 1e9)
@@ -107,6 +108,12 @@ class Sets(_Listing):
     @property
     def groups(self) -> Sequence[SetGroup]:
         return [one.group for one in self._sets]
+
+    def configure(self, settings: ObstacleSettings, now: int) -> None:
+        before = self.window, self.max_count
+        super().configure(settings, now)
+        if self.current is not None and (self.window, self.max_count) != before:
+            self.spoil(_CHANGED, now)
 
     def receive(self, news: News, stamp: int, time: int, now: int) -> SetGroup:
         current = self.current
@@ -282,6 +289,13 @@ class Keys(_Keyed):
         super().__init__(store)
         self._since: float = NEVER
         self._last: float = -NEVER
+
+    def configure(self, settings: ObstacleSettings, now: int) -> None:
+        before = self.timeout
+        super().configure(settings, now)
+        if self._since < NEVER and self.timeout > before:
+            # What is sent less often than before, but often enough now, may have been forgotten.
+            self.spoil(_CHANGED, now)
 
     def receive(self, news: News, stamp: int, time: int, now: int) -> KeyedGroup:
         last = self._last

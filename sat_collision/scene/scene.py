@@ -132,6 +132,7 @@ class Scene:
         for new in settings.footprints:
             footprint = self._footprints[new.name]
             if new.enabled != footprint.settings.enabled:
+                footprint.stream.interrupt()
                 self._invalidate(footprint, _NOT_RECEIVED)
             monitored = footprint.settings.obstacles
             footprint.configure(new)
@@ -171,7 +172,7 @@ class Scene:
             self._invalidate(footprint, f'is not in the frame {in_quotes(self.frame_id)}')
             self._evaluate()
             return OTHER_FRAME
-        time = stamp if 0 < stamp < now else now
+        time = min(stamp or now, now)
         if footprint.time is not None and time < footprint.time and not (
                 footprint.stale or footprint.timeout == NEVER):
             return OVERTAKEN
@@ -200,7 +201,7 @@ class Scene:
     def track_obstacle(self, name: str, instance: int, vertices: Vertices, stamp: int,
                        now: int) -> None:
         """Track an obstacle just received that may move: its vertices in the order sent."""
-        self._sources[name].track(instance, stamp if 0 < stamp < now else now, vertices)
+        self._sources[name].track(instance, min(stamp or now, now), vertices)
 
     def command(self, name: str, command: Command) -> None:
         """Receive the velocity command of a footprint."""
@@ -259,7 +260,7 @@ class Scene:
             refusal = source.receive(None, frame_id, stamp, now, instance, number, OTHER_FRAME)
         else:
             refusal = source.receive(body, frame_id, stamp, now, instance, number)
-        due = (stamp if 0 < stamp < now else now) + source.timeout
+        due = min(stamp or now, now) + source.timeout
         if due < self.deadline:
             self.deadline = due
         if source.faults is not faults or source.listing is not listing:

@@ -85,7 +85,10 @@ class Source:
         if settings.enabled != before.enabled:
             self.stream.interrupt()
             self._forget_all(now, wants_history=settings.enabled)
-        self.listing.configure(settings)
+        self.listing.configure(settings, now)
+        if isinstance(self.listing, Maps) and not self.listing.is_known and settings != before:
+            # What was refused or dropped by the former settings may be taken now.
+            self.listing.wants_history = True
         self.pass_time(now)
 
     @property
@@ -144,7 +147,7 @@ class Source:
         if news is not CONTINUES or not stamp or type(self.listing) is not self._stamped:
             self._follow(news, stamp or None if is_end else stamp, now)
         listing = self.listing
-        time = stamp if stamp and 0 < stamp < now else now
+        time = min(stamp or now, now)
         is_old = time + self.timeout < now
         if is_old or self._is_far:
             self._is_far = is_old and (self._is_far or now - time > FAR)
@@ -249,7 +252,7 @@ class Source:
             else:
                 group.clear()
         self.listing = manner(self.store)
-        self.listing.configure(self.settings)
+        self.listing.configure(self.settings, now)
         self.listing.wants_history = wants_history and manner is Maps
         self._drop_former()
 

@@ -110,10 +110,16 @@ class Sets(_Listing):
         return [one.group for one in self._sets]
 
     def configure(self, settings: ObstacleSettings, now: int) -> None:
-        before = self.window, self.max_count
+        timeout, *before = self.timeout, self.window, self.max_count
         super().configure(settings, now)
-        if self.current is not None and (self.window, self.max_count) != before:
+        current = self.current
+        if current is None:
+            return
+        if [self.window, self.max_count] != before:
             self.spoil(_CHANGED, now)
+        elif self.timeout > timeout and not current.is_whole:
+            # Some of it may have been too old.
+            current.is_begun = False
 
     def receive(self, news: News, stamp: int, time: int, now: int) -> SetGroup:
         current = self.current

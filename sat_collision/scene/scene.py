@@ -342,6 +342,10 @@ class Scene:
         source = self._sources.get(name)
         return source is not None and source.wants_history and not source.stream.faults()
 
+    def request_history(self, name: str) -> None:
+        """Request a map again of which something is missing, as it may be taken now."""
+        self._sources[name].request_history()
+
     def renew(self, name: str) -> None:
         """Start a source anew: a new subscription receives all that its publisher keeps."""
         self._sources[name].renew(self._now)
@@ -357,11 +361,12 @@ class Scene:
         """
         Let time pass: bodies become too old, sources fall silent, maps settle.
 
-        While messages may still be queued, `is_all_taken` is false and no map settles. A step
-        back (a recording starts again, a simulation is reset) drops all that depends on times.
+        No map settles because the clock starts, nor while messages may still be queued and
+        `is_all_taken` is false. A step back (a recording starts again, a simulation is reset)
+        drops all that depends on times.
         """
         last, self._now = self._now, now
-        if not is_all_taken:
+        if not (is_all_taken and last):
             for source in self._sources.values():
                 source.listing.wait(now)
         if 0 < last <= now <= self.deadline:

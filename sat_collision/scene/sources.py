@@ -86,15 +86,20 @@ class Source:
             self.stream.interrupt()
             self._forget_all(now, wants_history=settings.enabled)
         self.listing.configure(settings, now)
-        if isinstance(self.listing, Maps) and not self.listing.is_known and settings != before:
-            # What was refused or dropped by the former settings may be taken now.
-            self.listing.wants_history = True
         self.pass_time(now)
+        if settings != before:
+            self.request_history()
 
     @property
     def wants_history(self) -> bool:
         """Whether the messages that a publisher keeps are needed again."""
         return self.listing.wants_history and self.settings.enabled
+
+    def request_history(self) -> None:
+        """Request a map again of which something is missing, as it may be taken now."""
+        if isinstance(self.listing, Maps) and (
+                not self.listing.is_known or self.store.refusals.total()):
+            self.listing.wants_history = True
 
     @property
     def deadline(self) -> float:

@@ -58,6 +58,17 @@ def test_ids_stay_known_for_a_shorter_timeout():
     assert status_and_reasons(stage) == ('clear', ())
 
 
+def test_set_of_which_some_was_too_old_is_not_whole_for_a_longer_timeout():
+    stage = known_stage(LIDAR)
+    stage.time = 2.5
+    stage.see(0.5, stamp=0.1)
+    change(stage, timeout=4.0)
+    stage.end(stamp=0.1)
+    assert stage.status() == 'unknown'
+    stage.send(10)
+    assert status_and_reasons(stage) == ('clear', ())
+
+
 @pytest.mark.parametrize('changes', [{'set_window': 0.1}, {'max_count': 3}])
 def test_set_that_was_cut_in_two_is_not_whole_for_a_greater_window_or_count(changes):
     """The robot touches the first of three obstacles, 30 ms apart, each a set so far."""

@@ -119,6 +119,21 @@ def test_outline_in_a_static_frame_never_expires():
     assert world.time > 100 and world.scene.origin('robot') == ('base', None)
 
 
+@pytest.mark.parametrize('topic', [TF, TF_STATIC])
+@pytest.mark.parametrize('timeout', [0.0, 9.0])
+def test_corrected_transform_counts_at_once(timeout, topic):
+    """It has the stamp of the one before, or none that matters."""
+    world = OutlineWorld(replace(ROBOT, timeout=timeout))
+    for x in (1.0, 49.5):
+        world.wait_until(world.time + 0.1)
+        world.receive_transforms(topic, ('odom', 'base', START, x, 0.0))
+        assert world.bounds()[0] == x - 0.5
+    assert world.status() == 'collision'
+    received = world.monitor.received['robot']
+    world.receive_transforms(topic, ('odom', 'base', START, x, 0.0))
+    assert world.monitor.received['robot'] == received, 'it has not moved'
+
+
 def test_static_frame_without_a_timeout_has_no_deadline():
     world = OutlineWorld(replace(ROBOT, timeout=0.0))
     world.receive_transforms(TF_STATIC, ('odom', 'base', 0, 7.0, 0.0))

@@ -55,6 +55,7 @@ class _Listing:
     def __init__(self, store: ObstacleStore) -> None:
         self._store = store
         self.is_known = False  # whether all that the publisher sees is known
+        self.since = 'yet'  # when it began, as the end of a sentence
         self.wants_history = False  # whether a new subscription is needed for older messages
 
     def configure(self, settings: ObstacleSettings, now: int) -> None:
@@ -192,7 +193,7 @@ class Sets(_Listing):
             return ''
         current = self.current
         if current is None:
-            return 'has not sent anything yet'
+            return f'has not sent anything {self.since}'
         if current.time + self.timeout < now:
             return f'has been silent for longer than {self._timeout_in_words}'
         if self._missed:
@@ -341,7 +342,7 @@ class Keys(_Keyed):
         if self.is_known:
             return ''
         if self._last == -NEVER:
-            return 'has not sent anything yet'
+            return f'has not sent anything {self.since}'
         if self._last + self.timeout < now:
             return f'has been silent for longer than {self._timeout_in_words}'
         since = f' since {self._cause}' if self._cause else ''

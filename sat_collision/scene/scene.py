@@ -50,6 +50,7 @@ _NO_SOURCE = 'no obstacle source is enabled'
 _NONE_OF_THEM = 'none of its obstacle sources is enabled'
 _NOT_RECEIVED = 'has not been received yet'
 _CHANGED = 'has not been received since its publisher changed'
+_CLOCK_WAS_SET_BACK = 'has not been received since the clock was set back'
 
 # An obstacle, its separation (m) from a footprint, and the closest points of the two.
 Nearest: TypeAlias = tuple[ObstacleId, float, Point, Point]
@@ -511,7 +512,7 @@ class Scene:
         self.frame_id = self.settings.frame_id
         for footprint in self._footprints.values():
             footprint.set_back(now)
-            self._invalidate(footprint, _NOT_RECEIVED)
+            self._invalidate(footprint, _CLOCK_WAS_SET_BACK)
         for source in self._sources.values():
             source.set_back(now)
 

@@ -123,6 +123,7 @@ class Source:
             self.listing.wait(now)
         else:
             self._forget_all(now, wants_history=False)
+            self.listing.since = 'since the clock was set back'
         self._find_faults(now)
 
     def update_publishers(self, endpoints: Sequence[Endpoint], now: int) -> None:

@@ -430,6 +430,11 @@ def test_memory_of_unknown_frames_is_bounded(robot):
             (f'odom{k}', f'frame{k}_{i}', robot.now, 0.0, 0.0) for i in range(100)))
     assert set(robot.reasons) == {'too many frames'}
     assert len(robot.monitor.transforms.rejected) <= 101
+    robot.rejections.clear()
+    for k in range(110):
+        robot.receive_transforms(TF, *(
+            (f'parent{k}_{i}', 'frame1_1', robot.now, 0.0, 0.0) for i in range(100)))
+    assert set(robot.reasons) == {'too many frames'}
     robot.wait_until(1.1)
     robot.move(1.1)
     assert robot.see(box(9), 1.1) is None and 'lidar' not in robot.monitor.waiting

@@ -157,7 +157,8 @@ class Frames:
         if taken is None:
             return BAD_TRANSFORM
         if len(self._static) + len(self._moving) >= _MAX_FRAMES and not (
-                child in self._static or child in self._moving):
+                child in self._static or child in self._moving) or (
+                len(self._parents) >= _MAX_FRAMES and parent not in self._parents):
             return TOO_MANY_FRAMES
         link = parent, taken
         if static:

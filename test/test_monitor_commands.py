@@ -156,8 +156,8 @@ LATER = START + 4000 * SECOND
     (command(1.0) + bytes(4), 'undecodable', '72 bytes where the contents need 68'),
     (b'', 'undecodable', "0 bytes that begin with '' are not a message"),
     (stamped(b'\0\1\0\0' + bytes(40)), 'undecodable', 'ends before its twist does')],
-    ids=['nan', 'infinite', 'too fast', 'frame', 'late', 'clock', 'before 0', 'future', 'cut off', 'too long',
-         'nothing', 'cut off Twist'])
+    ids=['nan', 'infinite', 'too fast', 'frame', 'late', 'clock', 'before 0', 'future', 'cut off',
+         'too long', 'nothing', 'cut off Twist'])
 def test_refused_command_makes_the_velocity_unknown(data, reason, detail):
     """The previous command no longer counts, since the robot may have accepted this one."""
     world = Driven(AHEAD, min_time_to_collision=2.5)

@@ -82,8 +82,8 @@ def test_set_that_was_cut_in_two_is_not_whole_for_a_greater_window_or_count(chan
     change(stage, **changes)
     for time in (0.06, 1.0):
         stage.wait_until(time)
-        assert status_and_reasons(stage) == (
-            'unknown', (LIDAR_SAYS + 'has not sent a whole set since its parameters were changed',))
+        assert status_and_reasons(stage) == ('unknown', (
+            LIDAR_SAYS + 'has not sent a whole set since its parameters were changed',))
         stage.end()
     stage.wait_until(2.0)
     stage.send(10, 20)

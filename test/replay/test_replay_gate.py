@@ -100,6 +100,8 @@ def test_failed_picture_is_a_problem_of_its_recording(bags, tmp_path, monkeypatc
 def test_invalid_output_paths_are_refused_before_the_run(
         bags, tmp_path, capsys, option, path, words):
     """And nothing is overwritten."""
+    if option == '--plot':
+        pytest.importorskip('matplotlib')
     (tmp_path / 'params.png').write_text('/**:\n  ros__parameters:\n    release_delay: 1.0\n')
     (tmp_path / 'stored.json').write_text('{}')
     (tmp_path / 'link.xml').symlink_to(tmp_path / 'clear' / 'clear.mcap')
@@ -114,6 +116,7 @@ def test_invalid_output_paths_are_refused_before_the_run(
 
 def test_recordings_of_one_name_are_not_written_to_one_place(bags, tmp_path, capsys):
     """Which of them would win depended on --jobs, and one picture replaced the other."""
+    pytest.importorskip('matplotlib')
     other = str(write(tmp_path / 'more' / 'clear', CLEAR))
     assert main([bags[0], other]) == 0
     capsys.readouterr()
@@ -127,6 +130,7 @@ def test_recordings_of_one_name_are_not_written_to_one_place(bags, tmp_path, cap
 
 def test_output_paths_of_several_recordings_are_checked(bags, tmp_path, capsys):
     """A file where a folder is needed, and one file for two options."""
+    pytest.importorskip('matplotlib')
     (tmp_path / 'file').write_text('')
     for arguments, words in ((['--plot', str(tmp_path / 'file')], 'not a directory'),
                              (['--as-live', '--write-bag', str(tmp_path / 'file' / 'a')],
@@ -290,7 +294,10 @@ def test_interrupt_ends_all_processes(tmp_path):
     process.stdout.readline()
     process.send_signal(signal.SIGINT)
     output, error = process.communicate(timeout=120)
-    assert (process.returncode, error) == (2, 'replay_check: interrupted\n')
+    assert process.returncode == 2
+    # Where kernels had to be compiled before, it has said so.
+    assert all(line.startswith('replay_check: ') for line in error.splitlines())
+    assert error.endswith('replay_check: interrupted\n')
     assert output.count('\n') < 1000
 
 

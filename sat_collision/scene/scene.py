@@ -173,7 +173,7 @@ class Scene:
             self._invalidate(footprint, f'is not in the frame {in_quotes(self.frame_id)}')
             self._evaluate()
             return OTHER_FRAME
-        time = min(stamp or now, now)
+        time = stamp if stamp and stamp < now else now
         if footprint.time is not None and time < footprint.time and not (
                 footprint.stale or footprint.timeout == NEVER):
             return OVERTAKEN
@@ -261,7 +261,7 @@ class Scene:
             refusal = source.receive(None, frame_id, stamp, now, instance, number, OTHER_FRAME)
         else:
             refusal = source.receive(body, frame_id, stamp, now, instance, number)
-        due = min(stamp or now, now) + source.timeout
+        due = (stamp if stamp and stamp < now else now) + source.timeout
         if due < self.deadline:
             self.deadline = due
         if source.faults is not faults or source.listing is not listing:

@@ -153,7 +153,7 @@ class Source:
         if news is not CONTINUES or not stamp or type(self.listing) is not self._stamped:
             self._follow(news, stamp or None if is_end else stamp, now)
         listing = self.listing
-        time = min(stamp or now, now)
+        time = stamp if stamp and stamp < now else now
         is_old = time + self.timeout < now
         if is_old or self._is_far:
             self._is_far = is_old and (self._is_far or now - time > FAR)

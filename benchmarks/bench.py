@@ -15,7 +15,7 @@
 """
 Measure all and write docs/benchmarks: `make bench`.
 
-With --written tables and plots are made again from the figures stored there.
+With --written only the tables and plots are made, from the figures stored there.
 """
 
 import argparse

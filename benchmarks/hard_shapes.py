@@ -15,9 +15,10 @@
 """
 The polygons that take longest: to take from a message, to decide and to measure.
 
-Each kernel, compiled and plain Python, has a process of its own and as many vertices as the node
-accepts in it. Each figure is processor time, the best of several, of the worst pair of shapes and
-places. Contacts that begin one by one are timed, too, as they might cost more the more there are.
+Compiled kernels and plain Python are each timed in a process of their own, with as many vertices
+as the node accepts there. Each figure is the processor time for the worst pair of shapes and
+places, the least of several runs. Contacts that begin one by one are timed, too, because each
+might cost more the more there are.
 """
 
 import argparse
@@ -53,8 +54,9 @@ def shapes(count, rng):
     """
     Return outlines by name.
 
-    The vertices of a star have random distances; bays have many reflex vertices; bands wind around
-    the middle; and the teeth of a saw lean, each under the next.
+    The vertices of a star have random distances from the middle; bays have many reflex vertices;
+    spiral and crescent are bands that wind around the middle; the teeth of a saw lean, each under
+    the next.
     """
     def polar(angle, radius):
         return np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
@@ -116,7 +118,7 @@ def measure(repeats):
 
 
 def contacts(count):
-    """Return the ms until a footprint has met so many obstacles, one message each."""
+    """Return the ms until a footprint has met a number of obstacles, one message each."""
     monitor = Monitor(Settings(
         (FootprintSettings('footprint', '/footprint', timeout=0.0),),
         (ObstacleSettings('obstacles', '/obstacles', timeout=0.0, max_count=count),)))

@@ -15,8 +15,9 @@
 """
 The node as a process under traffic, compared with shapely in a callback and with the floor.
 
-Then beside a monitor that ignores /tf, while transforms come. Processor time is that of all
-threads of the process, as the kernel's scheduler counts it.
+The floor is a node that only receives and publishes, see `peers`. While transforms come, the node
+is compared with a monitor that ignores /tf. Processor time is that of all threads of the process,
+as the kernel's scheduler counts it.
 """
 
 import contextlib
@@ -58,7 +59,7 @@ _FRAMES = {'frame_id': 'odom', 'footprint.timeout': '0.0', 'obstacle.timeout': '
            'obstacle.type': 'polygon_instance'}
 _OUTLINE = {'footprint.points': '[0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0]',
             'footprint.frame_id': 'base'}
-# Not those of the tests.
+# ROS domains; tests use others.
 _DOMAINS = range(215, 233)
 
 
@@ -183,7 +184,7 @@ class Transforms:
     """
     Sends /tf: a message for each group of children, `TRANSFORM_RATE` times a second.
 
-    Receives the flags of one node. The type is another one, see `peers`.
+    Receives the flags of one node. Messages have a stand-in for the type TFMessage, see `peers`.
     """
 
     def __init__(self, groups=()):
@@ -202,7 +203,7 @@ class Transforms:
         until(condition, lambda: rclpy.spin_once(self._node, timeout_sec=0.01))
 
     def connect(self, nodes):
-        """Wait until so many nodes are connected and one has sent a flag."""
+        """Wait until a number of nodes are connected and one has sent a flag."""
         self._until(lambda: self._flags and all(
             publisher.get_subscription_count() == nodes
             for publisher in (self._publisher, self._obstacles)))

@@ -161,7 +161,7 @@ def _one_against_many(rng, footprints, size, repeats):
 
 
 def _monitor(size):
-    """Return a monitor for so many obstacles."""
+    """Return a monitor for a set of some size."""
     return Monitor(Settings((FootprintSettings('footprint', '/footprint'),),
                             (ObstacleSettings('obstacles', '/obstacles', max_count=size),)))
 

@@ -70,11 +70,11 @@ class Traffic:
     A node that sends footprints and obstacles and awaits the flag.
 
     The robot is in turns on the first obstacle, which stays about the origin, and far from all;
-    the others are scattered around and never twice the same. An empty polygon ends each set.
-    `footprint_at` takes a stamp in ns and returns what follows it, whether that is on an obstacle,
-    and whether it begins a stay there. By the monotonic clock, `changes` has when stays began,
-    `received` when flags came, and `times`, if it is `timed`, when the node published times to
-    collision.
+    the others are scattered around, elsewhere in each set. An empty polygon ends each set.
+    `footprint_at` takes a stamp in ns and returns the rest of the message after it, whether the
+    footprint is on an obstacle, and whether a stay there, or far from all, begins. By the
+    monotonic clock, `changes` has when stays began, `received` when flags came, and `times`, if it
+    is `timed`, when the node published times to collision.
     """
 
     def __init__(self, obstacles, vertices, timed=False):
@@ -112,7 +112,7 @@ class Traffic:
         until(self._obstacle.get_subscription_count)
 
     def connect(self, nodes=1):
-        """Wait until traffic and so many nodes see each other and a footprint is answered."""
+        """Wait until traffic and a number of nodes see each other and a footprint is answered."""
         def is_answered():
             stamp = time.time_ns()
             for obstacle in self._sets[0]:

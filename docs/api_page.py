@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What docs/api.md says of each name that the library offers, from the docstrings."""
+"""The entries of docs/api.md, one for each public name of the library, from the docstrings."""
 
 import inspect
 import re
@@ -33,7 +33,7 @@ def api_entries():
 
 
 def _entry(name):
-    """Return what the page has of a function, or of a class and its methods."""
+    """Return the entry of a function, or of a class and its methods."""
     thing = getattr(sat_collision, name)
     if not inspect.isclass(thing):
         return f'## {name}\n\n```python\n{name}{_signature(thing)}\n```\n\n{_markdown(thing)}'

@@ -14,7 +14,7 @@
 
 
 """
-Write what the documents take from the code; with --check only tell what is out of date.
+Write what the documents take from the code; with --check only report what is out of date.
 
 That is the table of parameters, config/footprint_monitor.yaml, the page of the library, the
 picture of the imports in ARCHITECTURE.md, and figures of the benchmarks in README and install.md.
@@ -88,8 +88,9 @@ def imports():
     Returns
     -------
     dict
-        Sets of full names by the module's own, such as 'sat_collision.scene.scene'. Of `from a
-        import b` there is a.b, be b a module or not. What only type checkers import is not there.
+        Sets of full names by that of the module, such as 'sat_collision.scene.scene'. An import
+        `from a import b` is a.b, whether b is a module or not. Those under TYPE_CHECKING are left
+        out.
 
     """
     found = {}
@@ -110,7 +111,7 @@ def imports():
 
 
 def part(name):
-    """Return the part of the project that a full name belongs to: a wing, for one; else None."""
+    """Return the part of the project that a full name belongs to, such as scene; else None."""
     top, _, rest = name.partition('.')
     first = rest.partition('.')[0]
     if top == 'sat_collision':
@@ -123,7 +124,7 @@ def import_picture():
     """
     Return a Mermaid flowchart of which part of the project imports which.
 
-    Where one part is reached from another by way of a third, the direct arrow is left out.
+    Where one part imports another by way of a third, too, the direct arrow is left out.
     """
     modules = {}
     arrows = {}
@@ -185,7 +186,7 @@ def documents():
 
 
 def _mark(spec, before, behind):
-    """Return the mark of what is fixed at the start, or of what may be locked."""
+    """Return the mark of a parameter that is fixed at the start, or that can be locked."""
     mark = '*' if not spec.live else '+' if spec.safety else ''
     return f'{before}{mark}{behind}' if mark else ''
 
@@ -210,13 +211,13 @@ def main():
     status = 0
     for path, text in documents().items():
         if not path.exists() or path.read_text() != text:
-            print(f'{path.relative_to(ROOT)} is out of date', end='')
+            name = path.relative_to(ROOT)
             if options.check:
-                print(': run docs/generate.py')
+                print(f'{name} is out of date: run docs/generate.py')
                 status = 1
             else:
                 path.write_text(text)
-                print(' no more')
+                print(f'{name} updated')
     return status
 
 

@@ -29,12 +29,12 @@ def with_part(text, name, part):
     text : str
     name : str
     part : str
-        What is to stand there, without the line break at its end.
+        The new text, without the line break at its end.
 
     Raises
     ------
     ValueError
-        Where the page has not the two lines.
+        The page lacks one of the two lines.
 
     """
     mark, until = f'<!-- {name} -->\n', '<!-- until here -->\n'
@@ -46,12 +46,12 @@ def with_part(text, name, part):
 
 
 def replace_part(path, name, part):
-    """Replace a part of a page, a `pathlib.Path`, see `with_part`."""
+    """Replace a part of the page at a `pathlib.Path`, see `with_part`."""
     path.write_text(with_part(path.read_text(), name, part))
 
 
 def with_tables(page, tables, figures):
-    """Return the text of a page with its parts made anew of figures, by functions by name."""
+    """Return the text of a page with each part replaced by the table that `tables` makes of it."""
     for name in _MARK.findall(page):
         if name != 'until here':
             page = with_part(page, name, tables[name](figures))

@@ -62,23 +62,24 @@ def outlines(scan, gap, thickness):
     Parameters
     ----------
     scan : sensor_msgs.msg.LaserScan
-        What is not between range_min and range_max is no return.
+        Values that are not between range_min and range_max are no returns.
     gap, thickness : float
         In metres, see above.
 
     Returns
     -------
     list of (n, 2) ndarray
-        Convex, counterclockwise, in the frame of the scan; 1 point or 2 for a point or a segment.
+        Convex, counterclockwise, in the frame of the scan; one or two points for a point or a
+        segment.
 
     """
     ranges = np.array(scan.ranges)
     angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
     if abs(scan.angle_increment) * len(ranges) > 2.0 * math.pi - 1e-3:
-        # All around: what ends the scan goes on at its beginning.
+        # A full turn: a surface at the end of the scan continues at its beginning.
         ranges, angles = (np.append(values, values[:1]) for values in (ranges, angles))
     ranges[~((ranges >= scan.range_min) & (ranges <= scan.range_max))] = np.nan
-    # As the message will have them: a hull of others could be rounded into no polygon at all.
+    # Rounded as in the message: otherwise rounding could turn a hull into no valid polygon.
     points = np.float32([ranges * np.cos(angles), ranges * np.sin(angles)]).T.astype(float)
     steps = np.hypot(*np.diff(points, axis=0).T)
     surfaces = np.split(points, np.flatnonzero(~(steps <= gap)) + 1)

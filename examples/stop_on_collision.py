@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Passes cmd_vel_nav on to cmd_vel while the flag says clear, and else stops the robot."""
+"""Passes cmd_vel_nav on to cmd_vel while the flag says clear, otherwise stops the robot."""
 
 from contextlib import suppress
 import time
@@ -37,7 +37,7 @@ class StopOnCollision(Node):
         self.create_timer(0.05, self.watch, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def note(self, flag):
-        """No flag for 0.3 s counts as a raised one."""
+        """Note a flag; that none has come for 0.3 s counts as a raised one."""
         self.clear_until = 0.0 if flag.data else time.monotonic() + 0.3
 
     def drive(self, twist):

@@ -81,7 +81,7 @@ class Monitor:
         self.rejected = self.ingest.rejected
         self.outlines = Outlines(settings, self.ingest, self.transforms, self.received)
         self.commands = Commands(settings, self.ingest, self.scene)
-        self.waiting = Waiting(self._take_waiting)
+        self.waiting = WaitingItems(self._take_waiting)
         self.scene.waiting = self.waiting.queues
         self._timeout = round(settings.transform_timeout * 1e9)
         self._now = 0
@@ -244,7 +244,7 @@ class Monitor:
         return None
 
 
-class Waiting:
+class WaitingItems:
     """
     Queues of waiting items by name, each in order of arrival.
 

@@ -22,7 +22,7 @@ from monitors import nanoseconds, START, World
 import pytest
 from sat_collision.messages.ingest import WAIT
 from sat_collision.messages.transform_listener import TF, TF_STATIC
-from sat_collision.monitor import Monitor, Waiting
+from sat_collision.monitor import Monitor, WaitingItems
 from sat_collision.scene import frames
 from sat_collision.scene.frames import BAD_TRANSFORM
 from sat_collision.scene.settings import FootprintSettings, NEVER, ObstacleSettings, Settings
@@ -457,7 +457,7 @@ class Receiver:
     def __init__(self):
         self.ready = 0
         self.taken = []
-        self.waiting = Waiting(self.take)
+        self.waiting = WaitingItems(self.take)
 
     def take(self, name, item, now, may_wait):
         if item > self.ready and may_wait:

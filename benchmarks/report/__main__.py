@@ -15,8 +15,9 @@
 """
 Measure everything, and write the tables and plots of docs/report: `make report`.
 
-With --written they are made again from the figures stored there; with --accuracy after the long
-run against the oracle, in which any wrong answer is a failure: `make accuracy`.
+With --written nothing is measured, and they are made from the figures stored there. With
+--accuracy only the long run against the oracle is measured, `make accuracy`: any wrong answer is a
+failure.
 """
 
 import argparse
@@ -51,7 +52,7 @@ def main():
     parser.add_argument('--written', action='store_true',
                         help='write tables and plots from the figures stored before')
     parser.add_argument('--accuracy', metavar='PAIRS', type=lambda text: int(float(text)),
-                        help='compare so many answers with the oracle, and measure nothing else')
+                        help='compare this many answers with the oracle, and measure nothing else')
     arguments = parser.parse_args()
     stored, accuracy = (arguments.directory / f'{name}.json' for name in ('figures', 'accuracy'))
     if arguments.accuracy:

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Libraries of PyPI that are called pair by pair from Python: times and errors.
+Libraries from PyPI, called pair by pair from Python: times and errors.
 
 Each makes a body of convex vertices and decides whether two meet; some measure how far apart they
 are, or when they meet in motion. Box2D computes in float32, gives polygons a skin of 1 cm, welds

@@ -15,8 +15,8 @@
 """
 The methods compared, each as a loop over many pairs, and the pairs: speed and errors.
 
-Data of each body is prepared before: packed arrays, boxes, centres of gravity, shapely's shapes.
-Pairs are of four kinds, with n vertices each and the exact answers.
+Bodies are prepared beforehand: as packed arrays, boxes, centres of gravity, shapely's shapes.
+Pairs are of four kinds, with n vertices each, and come with their exact answers.
 """
 
 from collections import Counter, defaultdict
@@ -82,7 +82,7 @@ SIDES = 3, 4, 8, 16, 32, 64, 256
 HARD = (families.hair_gaps, families.far_offsets, families.slivers, families.vertex_on_vertex,
         families.vertex_on_edge, families.edge_on_edge, families.one_ulp, families.flat_arcs,
         families.float32_round_trip)
-# Families for bodies of many vertices, which are measured less often, and with how many.
+# Families of bodies with many vertices, with how many; fewer of their pairs are measured.
 MANY = {'many_sided': (256, 1024)}
 
 

@@ -35,7 +35,7 @@ from sat_collision.geometry.jit import inner, kernel
 from sat_collision.geometry.plane import centroid
 from sat_collision.geometry.predicates import orient, segments_meet
 
-# The support vertex of bodies with up to so many vertices is found by a linear scan.
+# The support vertex of bodies with at most this many vertices is found by a linear scan.
 _SCANNED = 8
 
 # GJK counts bodies nearer than this as touching, relative to the largest difference between their

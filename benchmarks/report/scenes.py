@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The cost in scenes of exactness, of old positions and of predicting in steps.
+What exactness costs in scenes, and how wrong old positions and predictions in steps are.
 
 A scene is a list of frames, each a footprint and the obstacles it is compared with, as vertices:
 of recordings, a docking, and racks in line. All coordinates are float32, as messages carry them.
@@ -160,12 +160,12 @@ def _packed(polygons):
 @kernel
 def _count(a, a_starts, a_counts, b, b_starts, b_counts, axes, exact):
     for row in range(len(axes)):
-        axes[row], exact[row] = _axes_and_doubt(Packed(a, a_starts[row], a_counts[row]),
-                                                Packed(b, b_starts[row], b_counts[row]))
+        axes[row], exact[row] = _axes_of_pair(Packed(a, a_starts[row], a_counts[row]),
+                                              Packed(b, b_starts[row], b_counts[row]))
 
 
 @kernel
-def _axes_and_doubt(p, q):
+def _axes_of_pair(p, q):
     """Return how many axes two bodies take, and whether the search was inconclusive."""
     axes = BOX_AXES
     if boxes_apart(p, q):
@@ -220,7 +220,8 @@ def stepping(rng, count):
     Return for the continuous time (step 0) and for steps what they miss and take, in s and ns.
 
     A contact is one that any of them finds, except with what the rectangle touches at the start;
-    it is late by the time since the earliest. ns are those to a scene's first, per obstacle.
+    it is late by the time since the earliest found. The ns are those of finding a scene's first
+    contact, divided by the number of obstacles.
     """
     scenes = [(_segments(rng), (rng.uniform(1.0, 10.0), 0.0, rng.uniform(-1.0, 1.0)))
               for _ in range(count)]

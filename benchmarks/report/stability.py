@@ -81,9 +81,9 @@ def long_run(pairs, seed):
     """
     Compare millions of answers with the exact oracle, over all hard families.
 
-    Bodies go through the checked constructor and the bulk decision, as the node runs them; the
-    oracle does not use separating axes. Also measured: how often floating point left the decision
-    to the exact stage, and its cost. Returns counts by family, and the pairs of wrong answers.
+    Bodies go through the checked constructor and the bulk decision, as in the node; the oracle
+    does not use separating axes. Also measured are how often floating point left the decision to
+    the exact stage, and its cost. Returns counts by family, and the pairs of wrong answers.
     """
     _compare(families.near(np.random.default_rng(seed), 1, 3), ())  # compiles everything
     results, wrong, start = {}, [], time.perf_counter()
@@ -106,7 +106,11 @@ def long_run(pairs, seed):
 
 
 def _shares(pairs):
-    """Return (family, n, count): equal shares for the families, less for `MANY`; by 1 / n."""
+    """
+    Return (family, n, count) for the pairs of a long run.
+
+    Families have equal shares, those of `MANY` less; in a family, counts are proportional to 1/n.
+    """
     named = [*families.CONVEX.values(), *families.EXTREME.values(), *families.SIMPLE.values()]
     shares = []
     for family in named:

@@ -17,7 +17,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-import os
 import sys
 
 from sat_collision.extras import missing
@@ -40,9 +39,10 @@ def compile_nothing() -> None:
 
     The first flags then come after a second instead of six or more.
     """
+    from sat_collision.geometry.compilation import use_plain_python
     from sat_collision.geometry.preparation import is_prepared
     if not is_prepared():
-        os.environ['NUMBA_DISABLE_JIT'] = '1'
+        use_plain_python()
 
 
 if __name__ == '__main__':

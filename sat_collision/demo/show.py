@@ -53,7 +53,7 @@ from visualization_msgs.msg import MarkerArray
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Those below are for the tests, which may run at the same time.
+# ROS domains; those below are for the tests, which may run at the same time.
 DOMAINS = range(71, 102)
 _PERIOD = 0.05
 _STATIC_STEPS = 20

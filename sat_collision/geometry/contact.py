@@ -15,9 +15,11 @@
 """
 Contacts of two bodies, touching or not: the normal, the points of contact, and the depth.
 
-The normal is that of `distance.measure`: for two convex bodies the direction from the
-origin to the nearest point on the boundary of their Minkowski difference, be it outside or inside.
-It is computed from an edge or from two vertices, so it is defined however near the bodies are.
+The normal is that of `distance.measure`: for two convex bodies the direction from the origin to
+the nearest point on the boundary of their Minkowski difference, whether the origin is outside it
+or inside. It is computed from an edge or from two vertices, so it is defined however near the
+bodies are.
+
 Where an edge of each faces the other, the edges are clipped against each other, as in physics
 engines (E. Catto, Box2D); the two ends are the points of contact.
 

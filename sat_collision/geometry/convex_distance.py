@@ -19,8 +19,8 @@ vertices. The point of their Minkowski difference Q - P nearest to the origin is
 support vertices (GJK: E. G. Gilbert, D. W. Johnson, S. S. Keerthi, "A fast procedure for computing
 the distance between complex objects in three-dimensional space", 1988), first in plain doubles.
 The result is checked with double-doubles: no vertex may lie on the origin's side of the line
-through the point found, perpendicular to the axis; from one that does the search goes on. If it
-does not end, all pairs of features are tried. See docs/exactness.md, lemmas 16 and 17.
+through the point found, perpendicular to the axis. If one does, the search continues from it. If
+the search does not end, all pairs of features are tried. See docs/exactness.md, lemmas 16 and 17.
 
 The depth of polygons that meet is the length of the shortest move after which they only touch. It
 is along the normal of an edge of one of them, as far as the other polygon reaches behind that

@@ -22,10 +22,10 @@ vertices nor the order of the bodies change a bit of the result. For error bound
 docs/exactness.md, lemmas 15 to 20.
 
 Pairs are skipped by lower bounds, which are much cheaper than measuring. Parts are no nearer than
-their boxes, and overlap no deeper: a move that separates the boxes separates the parts; this is
-made true of rounded separations, too. Along any axis the gap between bodies is at most their
-separation, and along the normal of an edge the overlap is at least their depth; where rounding
-could invalidate this, nothing is concluded.
+their boxes, and overlap no deeper: a move that separates the boxes separates the parts. Rounded
+separations are corrected so that this holds for them, too. Along any axis the gap between bodies
+is at most their separation, and along the normal of an edge the overlap is at least their depth;
+where rounding could invalidate this, nothing is concluded.
 """
 
 import math

@@ -16,8 +16,8 @@
 Checks that floating point is what the proofs assume.
 
 Results must be rounded to nearest, underflow must be gradual, and multiplications must not be
-fused with additions, see docs/exactness.md. All of this is checked once, at import; if it is not
-so, that raises. The first two are modes of a thread, which any library may change at any time (one
+fused with additions, see docs/exactness.md. The import checks all of this once, and fails if it
+does not hold. The first two are modes of a thread, which any library may change at any time (one
 linked with ``-ffast-math`` does so when it is loaded), so every kernel that Python calls checks
 them again.
 """

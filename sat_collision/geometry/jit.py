@@ -41,7 +41,7 @@ def _trial(x):
 try:
     if is_plain_python_chosen():
         # Importing numba takes half a second and 100 MB.
-        raise ModuleNotFoundError('nothing asks for numba', name='numba')
+        raise ModuleNotFoundError('numba is not needed', name='numba')
     import numba
     import numba.extending
     from llvmlite import ir

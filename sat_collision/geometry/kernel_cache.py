@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-What numba does differently here: kernels are compiled once each, and kept on disk.
+Changes to how numba compiles: each kernel is compiled once, and kept on disk.
 
 numba compiles every function to machine code together with all that it calls, and again in each
 that calls it: the last function of a chain of ten is compiled ten times. Here a function stays a

@@ -413,7 +413,7 @@ class PackedSet(PolygonSet):
         return count
 
     def check_run(self, run: Run, limit: int) -> int:
-        """Return how many messages of a run are ordinary, see `write_run`; nothing is written."""
+        """Return how many messages of a run `write_run` would accept; nothing is written."""
         count: int = write_run(run, _NO_ARRAY, _NO_ROWS, 0, limit, self._array, 0.0)
         return count
 

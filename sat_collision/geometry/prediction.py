@@ -19,7 +19,7 @@ The path is cut into pieces in which the body turns by at most 0.1 rad. In a pie
 moved along its chord, as in `sweep`, and the sagitta, the greatest distance between an arc and its
 chord, is added to the margin: if the chords are clear by that, so is the piece. If not, the piece
 is cut finer from there on, until the sagitta is a fraction of the tolerance. So the time found is
-never late, and the bodies are within the tolerance then (docs/exactness.md, lemma 23). A straight
+never late, and the bodies are within the tolerance then (docs/exactness.md, lemma 22). A straight
 path is one piece without a sagitta.
 
 Most bodies at rest near the path are beside it and are left out at once: a point of a body that
@@ -46,7 +46,7 @@ from sat_collision.geometry.predicates import UNDERFLOW_BOUND
 from sat_collision.geometry.scan import contains
 from sat_collision.geometry.sweep import first_contact_of_moving, limits
 
-# The most that a body turns in a piece, rad, unless that takes too many pieces.
+# Max angle by which a body turns in a piece, rad, unless that takes too many pieces.
 _TURN = 0.1
 _MAX_PIECES = 4096
 # Bound of the rounding error of a gap, relative to the coordinates and paths of both bodies.
@@ -150,9 +150,9 @@ def first_row_met(set_array, body, count, motion, velocities, skipped):
     """
     Find which row of a set a moving body meets first, of those that it does not meet at time 0.
 
-    It takes a packed body, a `Motion` as an array, vx, vy of each row and the rows to leave out,
-    ascending. Returned are the row, the first in a tie, and the time in seconds, above 0; -1
-    and infinity if it meets none.
+    The body is packed, the motion is a `Motion` as an array, velocities are vx, vy of each row,
+    and the rows in `skipped`, ascending, are left out. Return the row, the first one in a tie, and
+    the time in seconds, above 0; -1 and infinity if it meets none.
     """
     require_nearest(count)
     rows = rows_of(set_array)
@@ -301,7 +301,7 @@ def _times(path, piece):
 
 @inlined
 def _sagitta(path, seconds):
-    """Return how far a vertex is at most from its place on the chord of so many seconds."""
+    """Return the max distance of a vertex from its place on a chord of that many seconds."""
     return abs(path.motion.turn) * path.speed * seconds * seconds / 8.0
 
 

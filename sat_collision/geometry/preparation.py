@@ -15,12 +15,16 @@
 """
 Compile or load kernels before they are needed, so that no message has to wait for them.
 
-Compiling takes seconds if nothing is kept from an earlier process, see `kernel_cache`. Then other
-processes share the work: what one has compiled the others load from disk. One,
-``python -m sat_collision.geometry.preparation contacts distances``, compiles the kernels for
-contacts and then for distances, which share much code, while this one compiles those for packing;
-another one compiles those for motion once contacts can be decided. They end when they are done, or
-at the end of their standard input, which the node holds open.
+Compiling takes seconds if nothing is kept from an earlier process, see `kernel_cache`. On such a
+first start three processes share the work, and load from disk what another has compiled:
+
+- this one compiles the kernels for packing;
+- ``python -m sat_collision.geometry.preparation contacts distances`` compiles those for contacts,
+  then those for distances, which share much code with them;
+- once contacts can be decided, a third one compiles those for motion.
+
+The other processes end when they are done, or at the end of their standard input, which this one
+holds open.
 """
 
 from __future__ import annotations

@@ -61,7 +61,7 @@ def intersects(a: BodyLike, b: BodyLike) -> bool:
 def intersects_many(a: BodyLike,
                     others: PolygonSet | Iterable[BodyLike]) -> NDArray[np.bool_]:
     """
-    Return for each of many bodies whether it shares a point with one; touching counts.
+    Return for each of many bodies whether it shares a point with another one; touching counts.
 
     Parameters
     ----------

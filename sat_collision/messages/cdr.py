@@ -43,8 +43,8 @@ STAMP_SIZE = 12
 COUNT_SIZE = 4
 _ID_SIZE = 8
 POINT_SIZE = 12
-# Of the encapsulation of a TFMessage and the number of its transforms; of a stamp and the length
-# of the name behind it; of a transform.
+# Sizes of the encapsulation of a TFMessage with the number of its transforms, of a stamp with the
+# length of the name after it, and of a transform.
 _COUNTED_SIZE = 8
 _STAMPED_SIZE = 12
 _TRANSFORM_SIZE = 56
@@ -55,8 +55,8 @@ _TWIST_COVARIANCE_SIZE = 8 * 36
 _SECOND = 1_000_000_000
 _MAX_SHOWN = 200
 
-# Decoded names of frames, as they repeat. One may be of a message that is cut off within it: its
-# transform is then beyond the end, which is checked.
+# Decoded names of frames, kept because they repeat. Where a message is cut off within a name, its
+# transform is beyond the end, which is checked.
 _MAX_NAMES = 1000
 _names: dict[bytes, str] = {}
 

@@ -122,9 +122,10 @@ class Placement(NamedTuple):
 
 class Ingest:
     """
-    Passes messages to a scene, or refuses them; if `transforms` is None all in other frames.
+    Passes messages to a scene, or refuses them.
 
-    `placements` receives the accepted messages.
+    If `transforms` is None, all messages in other frames are refused. `placements` receives the
+    accepted messages.
     """
 
     def __init__(self, settings: Settings, scene: Scene, transforms: TransformListener | None,

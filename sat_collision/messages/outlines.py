@@ -44,7 +44,7 @@ class Outlines:
     """
     Places outlines in the scene whenever their frames have moved.
 
-    Transforms receive odometry, too; poses of outlines that move by /tf count as `received`.
+    `transforms` also receives the odometry. `received` counts poses of outlines that move by /tf.
     """
 
     def __init__(self, settings: Settings, ingest: Ingest, transforms: TransformListener,
@@ -52,7 +52,7 @@ class Outlines:
         self._ingest = ingest
         self._received = received
         self._transforms = transforms
-        self._outlines = {one.name: _Placed(one, settings.max_vertices)
+        self._outlines = {one.name: _PlacedOutline(one, settings.max_vertices)
                           for one in settings.footprints if one.has_outline}
         self.names = frozenset(self._outlines)
         self.configure(settings)
@@ -87,7 +87,7 @@ class Outlines:
         """The time in ns until which nothing is to be placed unless a message comes."""
         return min((one.due(self._timeout) for one in self._outlines.values()), default=NEVER)
 
-    def _follow(self, one: _Placed, now: int) -> Rejection | None:
+    def _follow(self, one: _PlacedOutline, now: int) -> Rejection | None:
         """Place an outline, if its frame has moved and it is not too soon."""
         settings = one.settings
         if not settings.enabled:
@@ -113,7 +113,7 @@ class Outlines:
             self._received[settings.name] += 1
         return self._ingest.place(settings, one.points, found, now, partial(self._velocity, one))
 
-    def _velocity(self, one: _Placed, found: Mapped) -> Velocity | None:
+    def _velocity(self, one: _PlacedOutline, found: Mapped) -> Velocity | None:
         """Return the velocity given for an outline, whose frame was found; None if none is."""
         if one.settings.cmd_vel or found.at is None:
             # With commands only the pose counts: the twist is that of the command.
@@ -175,7 +175,7 @@ class Commands:
         return self._ingest.reject(settings, *problem) if problem else None
 
 
-class _Placed:
+class _PlacedOutline:
     """The outline of a footprint, and where it was placed last."""
 
     def __init__(self, footprint: FootprintSettings, max_vertices: int) -> None:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""States and the node's health as diagnostic_msgs/DiagnosticArray."""
+"""States of footprints as diagnostic_msgs/DiagnosticArray."""
 
 from __future__ import annotations
 

@@ -28,13 +28,17 @@ from sat_collision.scene.settings import NEVER, Settings, TF
 TF_STATIC = '/tf_static'
 TRANSFORM_TOPICS = (TF, TF_STATIC)
 
-# Refused transforms are counted by frame for so many frames; the rest are counted together.
+# Max frames whose refused transforms are counted by frame; the rest are counted together.
 _MAX_COUNTED = 100
 _OTHERS = 'other frames'
 
 
 class TransformListener:
-    """Takes serialised TFMessages; a bad transform is counted and returned as a Rejection."""
+    """
+    Passes serialised TFMessages and Odometry to a buffer of transforms.
+
+    Bad transforms are counted and returned, as a Rejection or as the reason and detail of one.
+    """
 
     def __init__(self, settings: Settings) -> None:
         self.frames = Frames(round(settings.tf_cache_time * 1e9))
@@ -65,7 +69,7 @@ class TransformListener:
 
     def receive(self, topic: str, data: bytes, now: int,
                 number: int | None = None) -> list[Rejection]:
-        """Take a message of /tf or /tf_static, with its number of its publisher, if known."""
+        """Take a message of /tf or /tf_static, with its sequence number if known."""
         self.received[topic] += 1
         try:
             transforms = decode_transforms(data)

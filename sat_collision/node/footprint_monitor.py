@@ -31,6 +31,7 @@ from rclpy.logging import (
 from rclpy.node import Node
 from rclpy.qos import QoSLivelinessPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
+from sat_collision.extras import in_one_line
 from sat_collision.geometry.compilation import kernel_problem
 from sat_collision.geometry.jit import KERNEL
 from sat_collision.geometry.preparation import Preparation
@@ -143,7 +144,7 @@ class FootprintMonitor(Node):
         self._outputs.publish()
 
     def _choose_clock(self, jump: TimeJump | None = None) -> None:
-        """Let `present`, called each turn, read the system clock unless time is simulated."""
+        """Set `present`, which the loop calls each turn, to read the system or simulated clock."""
         clock = self.get_clock()
         self.present: Callable[[], int] = time.time_ns
         if clock.ros_time_is_active:
@@ -278,7 +279,7 @@ def run(args: Sequence[str]) -> int:
     try:
         context = _begin_ros(args)
     except RuntimeError as error:  # raised by rcl for an unreadable parameter file
-        print(f'{NAME}: cannot start: {_in_one_line(error)}', file=sys.stderr)
+        print(f'{NAME}: cannot start: {in_one_line(error)}', file=sys.stderr)
         return 1
     _quieten_rcl()
     try:
@@ -311,19 +312,15 @@ def _begin_ros(args: Sequence[str]) -> Context:
     except RuntimeError as error:
         if 'failed to initialize logging' not in str(error):
             raise
-        print(f'{NAME}: the log goes to this stream only, not to a file: {_in_one_line(error)}',
+        print(f'{NAME}: the log goes to this stream only, not to a file: {in_one_line(error)}',
               file=sys.stderr)
         return begin('--disable-external-lib-logs')
 
 
 def _quieten_rcl() -> None:
-    """Keep rcl, which then logs each take, from level debug unless its own level is given."""
+    """Keep rcl at level info, unless its own level is given: at debug it logs each take."""
     if get_logger_level('rcl') is LoggingSeverity.UNSET:
         set_logger_level('rcl', max(LoggingSeverity.INFO, get_logger_effective_level('rcl')))
-
-
-def _in_one_line(error: Exception) -> str:
-    return ' '.join(str(error).split())
 
 
 def unused_files(ros: Sequence[str], node: str) -> Iterator[str]:

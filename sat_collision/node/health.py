@@ -29,7 +29,7 @@ from sat_collision.scene.frames import in_words
 
 # A shorter backlog, in s, is a burst that is just being taken.
 _NOTEWORTHY = 0.1
-# If a frame's publishers take turns less often per period, one was only restarted.
+# If a frame's publishers take turns fewer times per period, one was only restarted.
 _FEW_TURNS = 2
 _MAX_NAMED = 10
 

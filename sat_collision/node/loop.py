@@ -41,9 +41,9 @@ from sat_collision.node.waiting import Waiting
 _LONGEST_TURN = 0.01
 # With at least this many messages per rest, a rest costs less than the wake-ups it saves.
 _WORTH_A_REST = 2.0
-# With this many or more messages per rest that could end it, none may: no rest would be left.
+# If this many messages per rest could end it, none does: no rest would be left.
 _TOO_OFTEN = 0.5
-# No more than this since the last tick are too few to estimate the rate of messages.
+# So few messages since the last tick are not enough to estimate their rate.
 _FEW = 5
 # After a longer wait, in s, a message usually comes alone, and looking for another one would cost
 # as much as taking it. If there is another, the next wait is short.
@@ -137,7 +137,7 @@ class Reserved(CallbackGroup):
         """Do nothing: callbacks of this group do not exclude each other."""
 
 
-def leave(_: bytes) -> None:
+def unused(_: bytes) -> None:
     """Do nothing: the callback of a subscription whose messages the loop takes itself."""
 
 
@@ -179,7 +179,7 @@ class Loop:
         self._next_tick = 0.0
         self._was_held_up = False
         self._taken = 0
-        # How many of these end rests, and whether they are few enough to do so.
+        # How many of these could end a rest, and whether they are few enough to do so.
         self._taken_at_once = 0
         self._rest_may_end = True
         self._counted_since = time.monotonic()

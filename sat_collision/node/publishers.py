@@ -31,7 +31,7 @@ from sat_collision.scene.streams import Endpoint
 
 _UNKNOWN = '_NODE_NAME_UNKNOWN_'
 _PASSED = 'one that has gone'
-# Publishers are queried at least every this many looks, even if no change was reported.
+# At least every so many looks publishers are queried, even if no change was reported.
 _LOOKS = 10
 
 

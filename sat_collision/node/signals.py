@@ -33,40 +33,36 @@ def end_on_signals() -> None:
     handlers only between bytecode instructions, and one that compiles may take seconds: so a
     thread waits for the signal number, which is written into a pipe when a signal arrives.
     """
-    come, write = os.pipe()
-    os.set_blocking(write, False)
-    signal.set_wakeup_fd(write)
+    read_end, write_end = os.pipe()
+    os.set_blocking(write_end, False)
+    signal.set_wakeup_fd(write_end)
     for number in _SIGNALS:
         signal.signal(number, lambda number, frame: os._exit(0))
 
     def end() -> None:
-        if os.read(come, 1):
+        if os.read(read_end, 1):
             os._exit(0)
-        os.close(come)
+        os.close(read_end)
     threading.Thread(target=end, daemon=True).start()
-
-
-def ignore_signals() -> None:
-    """Ignore further signals while the process ends."""
-    for number in _SIGNALS:
-        signal.signal(number, signal.SIG_IGN)
 
 
 class Signalled:
     """Whether a signal has arrived; further ones are ignored."""
 
     def __init__(self) -> None:
-        self._come = False
-        early = signal.set_wakeup_fd(-1)
+        self._has_arrived = False
+        write_end = signal.set_wakeup_fd(-1)
         for number in _SIGNALS:
             signal.signal(number, self._note)
-        if early >= 0:
-            os.close(early)
+        if write_end >= 0:
+            # This ends the thread of `end_on_signals`.
+            os.close(write_end)
 
     def __call__(self) -> bool:
         """Return whether the node should stop."""
-        return self._come
+        return self._has_arrived
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        ignore_signals()
-        self._come = True
+        for further in _SIGNALS:
+            signal.signal(further, signal.SIG_IGN)
+        self._has_arrived = True

@@ -32,7 +32,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 from sat_collision.messages.transform_listener import TF_STATIC
 from sat_collision.node.health import Health
-from sat_collision.node.loop import Input, leave
+from sat_collision.node.loop import Input, unused
 from sat_collision.node.publishers import Publishers
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.settings import (
@@ -107,7 +107,7 @@ class Subscriptions:
         # The settings have the remapped name, which must not be remapped again.
         topic = self._node.get_parameter(f'{source.name}.{parameter}').value
         self._create[source.name] = create = partial(
-            self._node.create_subscription, kind, topic, leave, QoSProfile(depth=depth), raw=True,
+            self._node.create_subscription, kind, topic, unused, QoSProfile(depth=depth), raw=True,
             callback_group=self._group, event_callbacks=events,
             qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE))
         try:
@@ -156,7 +156,7 @@ def transform_type(node: Node, settings: Settings) -> type | None:
 def subscribe_transforms(node: Node, kind: type, group: CallbackGroup) -> list[Input]:
     """Subscribe to serialised /tf and /tf_static; `kind` is the class TFMessage."""
     return [Input(topic, node.create_subscription(
-        kind, topic, leave, QoSProfile(depth=_TRANSFORM_DEPTH, durability=durability),
+        kind, topic, unused, QoSProfile(depth=_TRANSFORM_DEPTH, durability=durability),
         raw=True, callback_group=group)) for topic, durability in _DURABILITIES.items()]
 
 
@@ -207,7 +207,7 @@ class CommandSubscriptions:
             kind = _COMMAND_TYPES[min(types)]
             try:
                 subscription = self._node.create_subscription(
-                    kind, topic, leave, _COMMAND_QOS, raw=True, callback_group=self._group)
+                    kind, topic, unused, _COMMAND_QOS, raw=True, callback_group=self._group)
             except RuntimeError as error:  # this process has a subscription of another type
                 self._node.get_logger().error(f'{command.name}: {command.topic}: {error}',
                                               throttle_duration_sec=1.0)

@@ -26,7 +26,7 @@ from rclpy.node import Node
 
 class Waiting:
     """
-    A wait set of a node's present subscriptions, services and events.
+    A wait set of the subscriptions, services and events that a node has now.
 
     Subscriptions are given by their pointers: `taken_elsewhere` if the loop takes their messages
     itself, `ending_rest` if these also end a rest. Entities are kept until `held` is closed.

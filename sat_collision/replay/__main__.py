@@ -28,6 +28,7 @@ from sat_collision.extras import missing, unexpected
 
 _STATUS_OF_INTERRUPTED = 2
 _STATUS_OF_BAD_INPUT = 3
+# After how many seconds an interrupt is raised again.
 _AGAIN = 0.3
 
 
@@ -63,9 +64,9 @@ def _insistent_interrupts() -> Iterator[None]:
     """
     Raise an interrupt again and again until it has ended what is running.
 
-    Interrupts that are swallowed are not printed, nor, from the first one until the process ends,
-    are errors of objects that were left half made. A process that ignores interrupts, such as one
-    in the background, goes on to ignore them.
+    Interrupts that destructors swallow are not printed. From the first one on, until the process
+    ends, neither are errors of objects that were left half made. A process that ignores
+    interrupts, such as one in the background, still ignores them.
     """
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         yield

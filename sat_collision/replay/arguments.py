@@ -45,9 +45,9 @@ With --expect: 0 as expected; 1 different; 3 bad input. An unexpected error is b
 
 def parse(args: Sequence[str] | None = None) -> argparse.Namespace:
     """
-    Return the options of the command line; for a shell that asks, complete it instead.
+    Return the options of the command line.
 
-    An error, help and completion end the process.
+    Help, an error, and completion for a shell end the process.
     """
     parser = _parser()
     if '_ARGCOMPLETE' in os.environ:
@@ -117,7 +117,8 @@ def _parser() -> argparse.ArgumentParser:
     add('--expect', metavar='FILE', help='compare with a result that --json wrote before')
     add = parser.add_argument_group('output').add_argument
     add('--json', metavar='FILE', help='write the result; docs/replay_json.md has the schema')
-    add('--csv', metavar='FILE', help='write a row for each contact and each unknown interval')
+    add('--csv', metavar='FILE',
+        help='write a row for each contact, unknown interval and time to collision')
     add('--junit', metavar='FILE', help='write a test suite for each recording')
     add('--plot', metavar='FILE',
         help='draw a picture (.png, .svg, .pdf) or a page (.html); for several recordings, one '

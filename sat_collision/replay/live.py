@@ -50,7 +50,7 @@ class SceneTape(Tape):
             [(str(name), polygon.vertices.tobytes()) for name, polygon in bodies]
             for bodies in (self._scene.footprints, self._scene.obstacles)))
 
-    def develop(self, moments: Iterable[int], end: int) -> Keyframes:
+    def keyframes_at(self, moments: Iterable[int], end: int) -> Keyframes:
         """Return keyframes at the times of the scenes that were current at some moments."""
         times = self._times
         keyframes = Keyframes(sorted({times[max(bisect_right(times, moment) - 1, 0)]

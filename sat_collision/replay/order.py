@@ -38,8 +38,8 @@ WINDOW = 10 * 10**9
 _header_of = itemgetter(slice(STAMP_SIZE))
 
 
-class Rows:
-    """Yields messages as received, one by one; skips those that `receive_run` has passed on."""
+class ArrivalOrder:
+    """Yields messages as received, one by one, except those that `receive_run` has passed on."""
 
     def __init__(self, rows: Iterable[Row]) -> None:
         self._rows = rows

@@ -31,24 +31,24 @@ from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.bag.storage import Row
 from sat_collision.replay.live import SceneTape, Timeline
 from sat_collision.replay.model.configuration import (
-    all_sources, is_subscribed, missing_topics, settings_for, TRANSFORM_TYPE, TWIST_TYPE,
+    all_sources, is_subscribed, missing_topics, settings_for, Source, TRANSFORM_TYPE, TWIST_TYPE,
     wrong_types)
 from sat_collision.replay.model.result import (
     FootprintResult, HEADER, moments_of, Options, RECEIVE, Result, SourceResult)
+from sat_collision.replay.motion.motion import RecordedMotion
 from sat_collision.replay.motion.prediction import HORIZON
 from sat_collision.replay.motion.tape import MotionTape
-from sat_collision.replay.motion.walk import Motion
-from sat_collision.replay.order import Rows, StampOrder, Timed, WINDOW
+from sat_collision.replay.order import ArrivalOrder, StampOrder, Timed, WINDOW
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.scene import OVERTAKEN
-from sat_collision.scene.settings import NEVER, Settings
+from sat_collision.scene.settings import FAR, NEVER, Settings
 
 if TYPE_CHECKING:
     from sat_collision.replay.output.bag import BagOutputs
 
 OnProgress: TypeAlias = Callable[[float], None]
 
-_APART = 3600 * 10**9
+# Messages between two reports of progress.
 _PROGRESS_EVERY = 500
 # So many placements are processed together, which is faster than one by one; fewer if messages are
 # long, so that memory stays bounded.
@@ -56,6 +56,7 @@ _TOGETHER = 256
 _MAX_BYTES = 2**20
 # Reasons for rejection that do not depend on when and where a message is received.
 _OF_CONTENT = {EMPTY_FRAME_ID, LONG_FRAME_ID, *(reason.value for reason in Reason)}
+# Max time in ns without messages in which timers go on.
 _LONGEST_QUIET = 60 * 10**9
 
 
@@ -111,9 +112,9 @@ class _Run:
                                 options.as_live or options.write_bag is not None)
         self._scene = self._monitor.scene
         self._timers: list[Timer] = []
-        self._motion: Motion | None = None
+        self._motion: RecordedMotion | None = None
         self._live: Timeline | None = None
-        self._timeline: Timeline | Motion
+        self._timeline: Timeline | RecordedMotion
         self._tape: SceneTape | MotionTape | None = None
         if options.as_live:
             if options.keyframes:
@@ -123,7 +124,7 @@ class _Run:
         else:
             if options.keyframes:
                 self._tape = MotionTape(options.limits.disk, settings.footprints)
-            self._timeline = self._motion = Motion(
+            self._timeline = self._motion = RecordedMotion(
                 settings, self._scene, self._monitor.transforms, footprints, self._tape,
                 None if options.min_ttc is None else max(HORIZON, options.min_ttc))
         self._outputs: BagOutputs | None = None
@@ -159,16 +160,7 @@ class _Run:
                                    f'be decoded, the first one: {details[0]}')
         if recording.topics and not recording.counts.total():
             result.notes.append('the recording has no messages')
-        result.sources = [
-            SourceResult(source.name, source.topic, self._monitor.received[source.name],
-                         rejected := {
-                             reason: count for (name, reason), count in
-                             sorted(self._monitor.rejected.items()) if name == source.name},
-                         self._examples.get(source.name, {}),
-                         self._motion.undetermined(source.name) if self._motion else 0,
-                         sum(count for reason, count in rejected.items()
-                             if reason in _OF_CONTENT))
-            for source in all_sources(self._settings)]
+        result.sources = [self._result_of(source) for source in all_sources(self._settings)]
         result.footprints = self._footprints
         result.contacts = self._timeline.contacts
         result.unknown = self._timeline.unknown
@@ -176,7 +168,17 @@ class _Run:
         if self._tape and self._tape.is_full:
             result.notes.append('there was more to draw than --max-disk allows to keep')
         elif self._tape and result.end is not None and (moments := moments_of(result)):
-            result.keyframes = self._tape.develop(moments, result.end)
+            result.keyframes = self._tape.keyframes_at(moments, result.end)
+
+    def _result_of(self, source: Source) -> SourceResult:
+        name = source.name
+        rejected = {reason: count for (of, reason), count
+                    in sorted(self._monitor.rejected.items()) if of == name}
+        return SourceResult(
+            name, source.topic, self._monitor.received[name], rejected,
+            examples=self._examples.get(name, {}),
+            undetermined=self._motion.undetermined(name) if self._motion else 0,
+            refused=sum(count for reason, count in rejected.items() if reason in _OF_CONTENT))
 
     def _play(self, names: dict[str, list[str]], start: int, stop: int | None, end: int,
               progress: OnProgress | None) -> None:
@@ -194,7 +196,7 @@ class _Run:
             total = sum(self._recording.counts[topic] for topic in names)
             read = _with_progress(read, total, progress)
         ordered = StampOrder(read, by_header) if self._motion else None
-        rows = None if ordered or by_header else Rows(read)
+        rows = None if ordered or by_header else ArrivalOrder(read)
         runs: Iterable[Timed] = ordered or rows or (
             (topic, 0 if topic in TRANSFORM_TOPICS else header_stamp(data), [data])
             for topic, _, messages in read for data in messages)
@@ -350,7 +352,7 @@ class _Run:
             if topic in TRANSFORM_TOPICS:
                 continue
             stamp = header_stamp(data)
-            if self._options.clock == RECEIVE and stamp and abs(time - stamp) > _APART:
+            if self._options.clock == RECEIVE and stamp and abs(time - stamp) > FAR:
                 self._result.notes.append(
                     f'the first header stamp is {abs(time - stamp) / 1e9:.0f} s from the receive '
                     'time, as in recordings of simulations: try --clock header')
@@ -378,7 +380,7 @@ class Timer:
         self._period = max(round(period * 1e9), 1)
 
     def act(self, until: float) -> None:
-        """Call the action; if `until` is over a minute away, skip its calls until then."""
+        """Call the action; skip further calls up to `until` if that is over a minute away."""
         self.action(int(self.due))
         self.due += self._period
         quiet = until - self.due

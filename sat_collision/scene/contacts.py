@@ -97,11 +97,15 @@ class Contacts:
         return True
 
     def count_unplaced(self, run: Run, limit: int) -> int:
-        """Return how many messages of a run, up to a limit, count without being placed."""
+        """Return how many messages of a run, up to a limit, need not be placed: none."""
         return 0
 
     def place_run(self, run: Run, rows: Any, first: int, limit: int) -> int:
-        """Place obstacles of a run until one has no row or may meet a footprint; say how many."""
+        """
+        Place obstacles of a run, up to a limit; return how many.
+
+        It stops before the first one that has no row, or may meet a footprint.
+        """
         return self._obstacles.polygons.place_run(
             run, rows, first, limit, self._footprints.polygons, self.margin)
 
@@ -183,7 +187,7 @@ class Contacts:
                 if footprint.settings.monitors(obstacles[row].name.source)]
 
 
-class Undecided(Contacts):
+class NoContacts(Contacts):
     """Decides no contacts; records only which obstacles there are, all in the row NOWHERE."""
 
     def place_footprint(self, footprint: Footprint, where: PackedBody) -> None:
@@ -195,11 +199,11 @@ class Undecided(Contacts):
         return False
 
     def count_unplaced(self, run: Run, limit: int) -> int:
-        """Return how many messages of a run, up to a limit, are ordinary."""
+        """Return how many messages of a run, up to a limit, `check_run` accepts."""
         return self._obstacles.polygons.check_run(run, limit)
 
     def place_run(self, run: Run, rows: Any, first: int, limit: int) -> int:
-        """Return how many obstacles of a run, up to a limit, are ordinary."""
+        """Return the same; nothing is placed."""
         return self.count_unplaced(run, limit)
 
     def remove_obstacle(self, obstacle: Obstacle) -> None:

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Where a frame was in another at a time, or why that is not known.
+A buffer of transforms: where a frame was in another at a time, or why that is not known.
 
-It does what tf2's buffer does, which is not used because pip has no tf2, and because recordings
-are checked without ROS.
+It does what tf2's buffer does. That one is not used because pip has no tf2, and recordings are
+checked without ROS.
 """
 
 from __future__ import annotations
@@ -52,6 +52,7 @@ UNKNOWN_FRAME = 'unknown frame'
 LONGEST_FRAME_ID = 255
 # Bounds the memory that made-up frame names can take.
 _MAX_FRAMES = 10_000
+# Max answered look-ups that are kept; in messages for users, max frames and characters of a name.
 _MAX_MAPS = 256
 _MAX_LISTED = 10
 _MAX_SHOWN = 64
@@ -90,19 +91,19 @@ class Frames:
     """
     The parent of each frame, its transforms of the last seconds, and look-ups in them.
 
-    The last transform of a child at a stamp counts, whoever sent it, and so does its parent. As in
-    tf2, the translation is interpolated linearly between two stamps and the rotation evenly, and
-    static transforms hold at all times. Unlike in tf2, nothing is known between two stamps that
-    are further apart than `max_gap`.
+    Of several transforms of a child at one stamp the last counts, with its parent, whoever sent
+    it. As in tf2, the translation is interpolated linearly between two stamps and the rotation
+    evenly, and static transforms hold at all times. Unlike in tf2, nothing is known between two
+    stamps that are further apart than `max_gap`.
 
     Times are ints in ns.
 
     Parameters
     ----------
     history : int
-        How much older than the newest transform of a frame others may be to be kept.
+        For how long before the newest transform of a frame older ones are kept.
     max_gap : float, optional
-        NEVER for any.
+        The longest time between two stamps that is interpolated; NEVER for any.
     max_tilt : float, optional
         By how much a frame may be tilted to be projected onto the plane, in rad.
 
@@ -199,8 +200,8 @@ class Frames:
         """
         Return where the source frame is in the target frame, at the latest time known for both.
 
-        A time before `oldest` is no answer. One after `now` is used only if there is no other: a
-        transform ahead of the clock must not shut out those after it.
+        A time before `oldest` is not accepted. One after `now` is used only if there is no other:
+        a transform ahead of the clock must not shut out those after it.
         """
         below, top = self._climb_newest(source, (target,))
         above, common = self._climb_newest(target, below)

@@ -17,9 +17,9 @@ Whether all obstacles that a source sends are known.
 
 Every state "clear" depends on this. `Sets`, `Keys` and `Maps` are three ways to list all that a
 publisher sees, and decide when such a listing is whole: by stamps and by sequence numbers, as
-`streams` interprets them, never by bodies. Those are in the groups of obstacles that a listing
+`streams` interprets them, never by bodies. The bodies are in groups of obstacles, which a listing
 fills and drops. All three receive the meaning of a message's number, its stamp, the time from
-which it counts and the present, in ns. docs/knowing.md has the guarantees, and why they hold.
+which it counts and the present time, in ns. docs/knowing.md has the guarantees, and why they hold.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from dataclasses import dataclass
 
 from sat_collision.scene.obstacle_store import KeyedGroup, ObstacleStore, SetGroup
 from sat_collision.scene.settings import NEVER, ObstacleSettings
-from sat_collision.scene.streams import BEGUN, CONTINUES, LOST, MET, News
+from sat_collision.scene.streams import BEGUN, CONTINUES, JOINED, LOST, News
 
 LOSS = 'messages were lost'
 _CHANGED = 'its parameters were changed'
@@ -102,8 +102,12 @@ class Sets(_Listing):
         self.current: _Set | None = None  # the set of the message before
         # In order of arrival. Only the first one may be whole.
         self._sets: list[_Set] = []
+        # Whether the window has cut a set in two; whether a set had more than max_count messages;
+        # whether messages were missed since the last one that was received.
         self._is_cut = self._is_too_large = self._is_spoiled = False
+        # The time between the beginnings of the last two sets, in ns.
         self._period = 0
+        # What was missed since the last whole set; empty if nothing.
         self._missed = ''
 
     @property
@@ -294,6 +298,7 @@ class Keys(_Keyed):
 
     def __init__(self, store: ObstacleStore) -> None:
         super().__init__(store)
+        # When reception without a gap began, NEVER if it has not; and the latest time received.
         self._since: float = NEVER
         self._last: float = -NEVER
 
@@ -365,6 +370,8 @@ class Maps(_Keyed):
 
     def __init__(self, store: ObstacleStore) -> None:
         super().__init__(store)
+        # Whether nothing is missing since the listing began; and after which time without a
+        # message it settles, NEVER if it does not.
         self._is_begun = False
         self._settles: float = NEVER
 
@@ -375,7 +382,7 @@ class Maps(_Keyed):
         elif news is LOST:
             self.spoil(LOSS, now)
             self.wants_history = True
-        elif news is MET:
+        elif news is JOINED:
             self.spoil('it was received from its middle on: the depth of its publisher must hold '
                        'the whole map', now)
         self.wait(now)

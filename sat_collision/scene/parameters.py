@@ -76,7 +76,7 @@ def declare_parameters(
 
 def check_names_given(given: Iterable[str], known: Collection[str]) -> None:
     """
-    Raise a ParameterError for an unknown name, which mistyped would silently keep its default.
+    Raise a ParameterError for an unknown name: a mistyped one would silently keep its default.
 
     `given` are the names that files and the command line have for the node, `known` those that
     were declared.
@@ -86,8 +86,8 @@ def check_names_given(given: Iterable[str], known: Collection[str]) -> None:
             hint = ''
             if remedy := _REMOVED.get(name.rpartition('.')[2]):
                 hint = f' any more: {remedy}'
-            elif stranger := _not_named(name, known):
-                hint = f": name '{stranger}' in footprints or obstacles, where it is not"
+            elif owner := _not_named(name, known):
+                hint = f": name '{owner}' in footprints or obstacles, where it is not"
             elif nearest := _nearest(name, known):
                 hint = f': did you mean {nearest}?'
             raise ParameterError(f"there is no parameter '{name}'{hint}")

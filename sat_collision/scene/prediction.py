@@ -55,7 +55,11 @@ class Prediction(NamedTuple):
 
 
 def velocity_of(footprint: Footprint, now: int) -> Velocity | str:
-    """Return the velocity of a footprint from its stamp on, or why it is unknown, if known."""
+    """
+    Return the velocity of a footprint from its stamp on, or why it is unknown.
+
+    The reason is empty where the last two places of the footprint give no velocity.
+    """
     settings, command = footprint.settings.command, footprint.command
     if settings:
         if not command:
@@ -85,7 +89,7 @@ def predict(footprint: Footprint, contacts: Contacts, sources: Iterable[Source],
     if footprint.contacts:
         first = min(obstacle.name for obstacle in footprint.contacts)
         return Prediction(0.0, first, velocity, 0.0)
-    # The footprint is carried on from where it was at its stamp.
+    # The motion begins where the footprint was at its stamp.
     age = now - footprint.time
     own = footprint.polygon
     if velocity is None or own is None or age > VELOCITY_LASTS and any(velocity.twist):
@@ -105,7 +109,7 @@ def predict(footprint: Footprint, contacts: Contacts, sources: Iterable[Source],
             unknown.append(obstacle.name)
             continue
         ahead = (footprint.time - obstacle.time) / 1e9
-        # One that is left out is assumed to stand where it was seen, so its past way counts, too.
+        # One that is left out is assumed to stand where it was seen: the way from there counts.
         if _is_apart(bounds, motion, reach + motion.speed * (seconds + abs(ahead))):
             continue
         if course := _course(obstacle, motion, ahead):

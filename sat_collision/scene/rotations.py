@@ -16,7 +16,7 @@
 Transforms between frames: turned by a quaternion, then moved.
 
 Received ones are doubles. They are composed in integers, so that a chain of frames rounds no more
-than one transform does, see docs/exactness.md, lemma 22.
+than one transform does, see docs/exactness.md, lemma 24.
 """
 
 from __future__ import annotations

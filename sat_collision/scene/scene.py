@@ -25,7 +25,7 @@ from typing import TypeAlias
 from sat_collision.geometry.polygon import PackedBody, Polygon
 from sat_collision.geometry.polygon_set import Point
 from sat_collision.geometry.run import Run
-from sat_collision.scene.contacts import Contacts, Undecided
+from sat_collision.scene.contacts import Contacts, NoContacts
 from sat_collision.scene.footprints import Evaluation, Footprint, Origin, State, Status
 from sat_collision.scene.frames import in_quotes
 from sat_collision.scene.obstacle_store import OTHER_FRAME
@@ -39,6 +39,7 @@ from sat_collision.scene.velocity import Command, Velocity, Vertices
 FROM_FUTURE = 'from the future'
 OVERTAKEN = 'older than the last'
 
+# The common frame is that of the footprints received in the last so many ns.
 _AGREEMENT = 10**9
 # How much further ahead than needed `look_ahead` predicts, in s, to know when it is due again; it
 # is called more often than that.
@@ -95,7 +96,7 @@ class Scene:
         self._clock_stands = False
         # Whether contacts of footprints are decided; if not, only what is unknown is found.
         self.decides_contacts = decides_contacts
-        self._contacts = (Contacts if decides_contacts else Undecided)(settings.margin)
+        self._contacts = (Contacts if decides_contacts else NoContacts)(settings.margin)
         self._sources = {source.name: Source(source, self._contacts)
                          for source in settings.obstacles}
         self._footprints = {footprint.name: Footprint(footprint)

@@ -85,39 +85,39 @@ class FootprintSettings:
 
     name: str
     topic: str = field(metadata=_setting(
-        'topic of the footprint, geometry_msgs/PolygonStamped; where none is given, the name'))
+        'topic of the footprint, geometry_msgs/PolygonStamped; by default its name'))
     timeout: float = field(default=1.0, metadata=_setting(
-        's; older than this by its header stamp, the footprint is unknown; 0.0 for never',
+        's; a footprint older than this by its header stamp is unknown; 0.0 for never',
         live=True, safety=True, limits=(0.0, _DAY)))
     enabled: bool = field(default=True, metadata=_setting(
-        'false leaves the footprint out: its state is unknown, and it does not raise the common '
+        'false disables the footprint: its state is unknown, and it does not raise the common '
         'flag', live=True, safety=True))
     obstacles: tuple[str, ...] = field(default=(), metadata=_setting(
         'names of the sources whose obstacles it must not touch, and whose faults make it '
         "unknown; [''] for all", live=True, safety=True))
     points: str | tuple[float, ...] = field(default='', metadata=_setting(
-        'm; the outline of a footprint without a topic: it moves with its frame_id. '
-        '[x1, y1, x2, y2, ...], or a string as Nav2 has it, [[x1, y1], [x2, y2], ...]; empty for '
-        'none', live=True, safety=True, is_any_type=True))
+        'm; the outline of a footprint without a topic, which moves with its frame_id: '
+        "[x1, y1, x2, y2, ...], or Nav2's string, [[x1, y1], [x2, y2], ...]; empty for none",
+        live=True, safety=True, is_any_type=True))
     radius: float = field(default=0.0, metadata=_setting(
-        'm; the same for a disc round the origin of the frame; 0.0 for none', live=True,
-        safety=True, limits=(0.0, 1000.0)))
+        'm; instead of points, the radius of a disc round the origin of the frame; 0.0 for none',
+        live=True, safety=True, limits=(0.0, 1000.0)))
     radius_vertices: int = field(default=16, metadata=_setting(
-        'of the polygon round that disc, which covers all of it', limits=(3, 1000)))
+        'number of vertices of the polygon round that disc, which covers all of it',
+        limits=(3, 1000)))
     frame_id: str = field(default='', metadata=_setting(
-        'the frame that the outline is in and moves with, such as base_link; its pose is that of '
-        '/tf, and its age that of the transform'))
+        'the frame that the outline is in and moves with, such as base_link; its pose comes from '
+        '/tf, and the age of the footprint is that of the transform'))
     rate: float = field(default=50.0, metadata=_setting(
-        'Hz; how often the outline is placed at most', limits=(0.1, 1000.0)))
+        'Hz; max rate at which the outline is placed', limits=(0.1, 1000.0)))
     odometry: str = field(default='', metadata=_setting(
         'topic of nav_msgs/Odometry that gives the pose of the frame; empty for /tf'))
     cmd_vel: str = field(default='', metadata=_setting(
-        'topic of geometry_msgs/TwistStamped or Twist, in the frame of the outline, with the '
-        'velocity that contacts are predicted with; empty for that with which it moves'))
+        'topic of the commands by which contacts are predicted, geometry_msgs/TwistStamped or '
+        'Twist in the frame of the outline; empty to predict by the measured velocity'))
     min_time_to_collision: float = field(default=0.0, metadata=_setting(
-        's; the flag is raised, too, when the footprint, moving on as it does, is in contact '
-        'within this time; 0.0 for contact alone', live=True, safety=True,
-        limits=(0.0, 60.0)))
+        's; also raises the flag if the footprint will be in contact within this time, should it '
+        'keep its velocity; 0.0 for contact alone', live=True, safety=True, limits=(0.0, 60.0)))
 
     @property
     def has_outline(self) -> bool:
@@ -126,7 +126,7 @@ class FootprintSettings:
 
     @property
     def command(self) -> CommandSettings | None:
-        """Its commands, if it has any; they hold for its timeout, and as velocities do."""
+        """Its commands, if any; each holds for its timeout, and no longer than VELOCITY_LASTS."""
         longest = VELOCITY_LASTS / 1e9
         return CommandSettings(f'{self.name}.cmd_vel', self.cmd_vel,
                                min(self.timeout or longest, longest),
@@ -143,15 +143,15 @@ class ObstacleSettings:
 
     name: str
     topic: str = field(metadata=_setting(
-        'topic of the obstacles, one polygon per message; where none is given, the name, but '
-        'obstacles for the source that there is by default'))
+        "topic of the obstacles, one polygon per message; by default the source's name, but "
+        f'{DEFAULT_SOURCE_TOPIC} for the source {DEFAULT_SOURCE}'))
     type: str = field(default=POLYGON, metadata=_setting(  # noqa: A003, the parameter's name
         'polygon is geometry_msgs/PolygonStamped, whose stamps make sets; polygon_instance is '
         'PolygonInstanceStamped, whose ids identify obstacles',
         choices=(POLYGON, POLYGON_INSTANCE)))
     timeout: float = field(default=2.0, metadata=_setting(
-        's; older obstacles are forgotten, and a source without a whole set or without a message '
-        'for so long makes the footprints unknown; 0.0 for never, as a latched map needs',
+        's; older obstacles are forgotten, and a source without a whole set or a message for this '
+        'long makes the footprints unknown; 0.0 for never, as a latched map needs',
         live=True, safety=True, limits=(0.0, _DAY)))
     enabled: bool = field(default=True, metadata=_setting(
         'false ignores the source and drops its obstacles', live=True, safety=True))
@@ -161,16 +161,16 @@ class ObstacleSettings:
         safety=True, limits=(0.0, 60.0)))
     settle_time: float = field(default=1.0, metadata=_setting(
         's; with a timeout of 0.0, a map that no empty polygon ends is complete when nothing of '
-        'it has come for so long', live=True, safety=True, limits=(0.1, 60.0)))
+        'it has come for this long', live=True, safety=True, limits=(0.1, 60.0)))
     accumulate: bool = field(default=False, metadata=_setting(
         'true keeps every polygon until its timeout, for publishers that send obstacles one by '
         'one', live=True, safety=True))
     max_count: int = field(default=10_000, metadata=_setting(
-        'the most obstacles of the source, with which a set is whole; more are refused and make '
-        'the footprints unknown', live=True, safety=True, limits=(1, 1_000_000)))
+        'max number of obstacles: a set that has it is whole; more are refused and make the '
+        'footprints unknown', live=True, safety=True, limits=(1, 1_000_000)))
     moving: bool = field(default=False, metadata=_setting(
-        'true predicts contacts with obstacles that go on as they moved between the last two '
-        'messages of an id, which polygon_instance has; false with obstacles that stand',
+        'true predicts contacts as if each obstacle kept its velocity between the last two '
+        'messages of its id, so type must be polygon_instance; false as if all stood still',
         live=True, safety=True))
 
 
@@ -184,34 +184,34 @@ class Settings:
         'names of the sources of obstacles; each has parameters of its own, such as '
         'obstacle.topic'))
     frame_id: str = field(default='', metadata=_setting(
-        'the frame of all bodies, to which messages in another one are transformed by /tf; empty '
-        'for the one that the footprints of the last second agree on, which all must be in'))
+        'the fixed frame, to which messages in other frames are transformed by /tf; empty for the '
+        'common frame of the footprints of the last second, which all messages must be in'))
     transform_timeout: float = field(default=0.2, metadata=_setting(
-        's; a message waits so long for the transform at its stamp, then it is refused',
+        's; a message waits this long for the transform at its stamp, then it is refused',
         live=True, safety=True, limits=(0.0, 10.0)))
     max_tf_gap: float = field(default=0.5, metadata=_setting(
-        's; between two transforms further apart in time it is not known where a frame was',
+        's; transforms further apart in time are not interpolated: where the frame was is unknown',
         live=True, safety=True, limits=(0.0, _DAY)))
     max_tilt: float = field(default=0.0873, metadata=_setting(
         'rad; a message is refused if its frame is tilted out of the plane by more; 0.0873 is 5 '
         'degrees', live=True, safety=True, limits=(0.0, 1.5)))
     tf_cache_time: float = field(default=10.0, metadata=_setting(
-        's; for so long before the newest transform of a frame its others are kept',
+        's; for how long before the newest transform of a frame older ones are kept',
         limits=(0.1, 3600.0)))
     future_tolerance: float = field(default=1.0, metadata=_setting(
         's; a message stamped further ahead of the clock is refused', live=True, safety=True,
         # A batch may bring messages that were stamped after the clock was read for it.
         limits=(0.05, _DAY)))
     clock_timeout: float = field(default=2.0, metadata=_setting(
-        's by the wall clock; simulated time that stands still for so long makes the footprints '
+        's by the wall clock; simulated time that stands still for this long makes the footprints '
         'unknown; 0.0 for never', live=True, safety=True, limits=(0.0, _DAY)))
     enabled: bool = field(default=True, metadata=_setting(
         'false checks nothing: every state is unknown', live=True, safety=True))
     unknown_is_collision: bool = field(default=True, metadata=_setting(
-        'true raises the flag of a footprint whose state is unknown, too', live=True, safety=True))
+        'true also raises the flag of a footprint whose state is unknown', live=True, safety=True))
     margin: float = field(default=0.0, metadata=_setting(
-        'm; a footprint collides when its separation from an obstacle is no more; 0.0 is contact, '
-        'decided exactly', live=True, safety=True, limits=(0.0, 1000.0)))
+        'm; a footprint collides if its separation from an obstacle is at most this; 0.0 is '
+        'contact, decided exactly', live=True, safety=True, limits=(0.0, 1000.0)))
     horizon: float = field(default=3.0, metadata=_setting(
         's; how far ahead contacts are predicted, while somebody subscribes to a topic with '
         'predictions; 0.0 for not at all', live=True, limits=(0.0, 60.0)))
@@ -219,10 +219,10 @@ class Settings:
         'm; ~/state warns of footprints whose coordinates have larger float32 steps',
         live=True, limits=(0.0, 1000.0)))
     release_delay: float = field(default=0.0, metadata=_setting(
-        's; a footprint must have been clear for so long before its flag falls; a rise is never '
+        's; a footprint must have been clear for this long before its flag falls; a rise is never '
         'delayed', live=True, safety=True, limits=(0.0, _DAY)))
     max_vertices: int = field(default=MAX_VERTICES, metadata=_setting(
-        'the most vertices of one polygon; a message with more is refused',
+        'max number of vertices of a polygon; a message with more is refused',
         limits=(1, 1_000_000)))
     publish_rate: float = field(default=10.0, metadata=_setting(
         'Hz; how often flags and states are published without any change',
@@ -232,12 +232,12 @@ class Settings:
         'Hz; how often markers are published while somebody subscribes',
         live=True, limits=(0.1, 50.0)))
     max_batch_delay: float = field(default=0.005, metadata=_setting(
-        's; where messages are many the node rests for so long between takes, which spares '
-        'processor time and delays an answer by no more; 0.0 for never',
+        's; for how long the node lets messages gather when they are frequent, which saves '
+        'processor time and delays an answer by at most this; 0.0 for never',
         live=True, limits=(0.0, 0.1)))
     watchdog: float = field(default=0.3, metadata=_setting(
-        's; when the node has not processed messages for so long, a separate thread raises all '
+        's; when the node has not processed messages for this long, a separate thread raises all '
         'flags; 0.0 for never', live=True, safety=True, limits=(0.0, 60.0)))
     lock_parameters: bool = field(default=False, metadata=_setting(
-        'true refuses, once the node runs, to change what decides about clear: the parameters '
-        'marked with a +, and use_sim_time'))
+        'true refuses to change, once the node runs, what a clear state depends on: the '
+        'parameters marked with a +, and use_sim_time'))

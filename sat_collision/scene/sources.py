@@ -28,7 +28,7 @@ from sat_collision.scene.obstacle_store import KeyedGroup, ObstacleStore, SetGro
 from sat_collision.scene.obstacles import Key
 from sat_collision.scene.settings import (
     BY_ANOTHER_CLOCK, FAR, NEVER, ObstacleSettings, POLYGON_INSTANCE)
-from sat_collision.scene.streams import BEGUN, CONTINUES, Endpoint, MET, News, Stream
+from sat_collision.scene.streams import BEGUN, CONTINUES, Endpoint, JOINED, News, Stream
 from sat_collision.scene.velocity import MotionTracker, Vertices
 
 TOO_OLD = 'too old'
@@ -63,7 +63,9 @@ class Source:
         self.listing: _Listing = Sets(self.store)
         # Groups of listings that were interrupted.
         self._former: list[_Group] = []
+        # Whether stamps are those of another clock, see FAR.
         self._is_far = False
+        # Whether the listing was known when faults were last found.
         self._was_known = False
         self.timeout: float = NEVER
         self.configure(settings, now=0)
@@ -206,13 +208,13 @@ class Source:
                 or self._is_far or not 0 < stamp <= now <= stamp + self.timeout):
             return 0
         # The message that reaches max_count may end the set.
-        most = self.settings.max_count - 1
+        limit = self.settings.max_count - 1
         current = listing.set_to_extend(stamp)
         if current is not None:
-            taken = current.group.take_run(run, most - current.count, frame_id, stamp)
-        elif taken := self.store.contacts.count_unplaced(run, most):
+            taken = current.group.take_run(run, limit - current.count, frame_id, stamp)
+        elif taken := self.store.contacts.count_unplaced(run, limit):
             current = listing.set_of(stamp, now)
-            taken = current.group.add_run(min(taken, most - current.count), frame_id, stamp)
+            taken = current.group.add_run(min(taken, limit - current.count), frame_id, stamp)
         else:
             return 0
         if taken:
@@ -230,13 +232,13 @@ class Source:
 
     def _follow(self, news: News, stamp: int | None, now: int) -> None:
         """Begin another listing if a stream begins, or the kind of listing changes."""
-        manner: type[_Listing] = type(self.listing)
+        kind: type[_Listing] = type(self.listing)
         if stamp is not None:
-            manner = self._stamped if stamp else self._unstamped
-        elif manner not in (self._stamped, self._unstamped):
-            manner = self._stamped
-        if news is MET or news is BEGUN or manner is not type(self.listing):
-            self._begin_anew(manner, now)
+            kind = self._stamped if stamp else self._unstamped
+        elif kind not in (self._stamped, self._unstamped):
+            kind = self._stamped
+        if news is JOINED or news is BEGUN or kind is not type(self.listing):
+            self._begin_anew(kind, now)
 
     def _key_of(self, body: PackedBody | None, instance: int | None) -> Key | None:
         """Return the id or shape of an obstacle, None if unknown or in a set."""
@@ -247,8 +249,7 @@ class Source:
         # The bytes of the packed body: equal for equal bodies, and only for these.
         return None if body is None else np.asarray(body[0])[:size_of(body)].tobytes()
 
-    def _begin_anew(self, manner: type[_Listing], now: int,
-                    wants_history: bool = False) -> None:
+    def _begin_anew(self, kind: type[_Listing], now: int, wants_history: bool = False) -> None:
         """Begin another listing; obstacles of the former one stay until their timeout."""
         for group in self.listing.groups:
             group.forget_refused()
@@ -257,9 +258,9 @@ class Source:
                 self._former.append(group)
             else:
                 group.clear()
-        self.listing = manner(self.store)
+        self.listing = kind(self.store)
         self.listing.configure(self.settings, now)
-        self.listing.wants_history = wants_history and manner is Maps
+        self.listing.wants_history = wants_history and kind is Maps
         self._drop_former()
 
     def _forget_all(self, now: int, wants_history: bool) -> None:

@@ -32,13 +32,13 @@ class News(enum.Enum):
 
     CONTINUES = 'it is the next one of its stream'
     LOST = 'it is of the same stream, but some before it were lost'
-    MET = 'it is of another stream, which is met in its middle'
+    JOINED = 'it is of another stream, whose earlier messages were not received'
     BEGUN = 'it is the first one of its stream'
 
 
-CONTINUES, LOST, MET, BEGUN = News
+CONTINUES, LOST, JOINED, BEGUN = News
 
-# Max time in ns for which numbers that only two publishers can have sent are a fault.
+# Max time in ns for which sequence numbers that only two publishers can have sent are a fault.
 _LONGEST_MIXED = 10 * 10**9
 
 
@@ -76,7 +76,7 @@ class Stream:
         self._last = 0
         # By gid in order of appearance, None if not known yet; the gid of the stream's publisher.
         self._endpoints: dict[str, Endpoint] | None = None
-        self._speaker: str | None = None
+        self._publisher: str | None = None
         # Gids of publishers of which nothing was received, and of which something may have been.
         self._silent: set[str] = set()
         self._perhaps_silent: set[str] = set()
@@ -90,13 +90,13 @@ class Stream:
     def publishers(self) -> list[Endpoint]:
         """The publishers that count."""
         endpoints = self._endpoints or {}
-        speaker = endpoints.get(self._speaker or '')
-        if speaker is None or not speaker.node:
+        publisher = endpoints.get(self._publisher or '')
+        if publisher is None or not publisher.node:
             return [*endpoints.values()]
         gids = [*endpoints]
-        older = gids[:gids.index(speaker.gid)]
+        older = gids[:gids.index(publisher.gid)]
         return [one for one in endpoints.values()
-                if one.gid not in older or one.node != speaker.node]
+                if one.gid not in older or one.node != publisher.node]
 
     @property
     def is_alone(self) -> bool:
@@ -116,21 +116,21 @@ class Stream:
         last = self._last if expected is None else expected - 1
         if number == 1 or number <= last:
             self._last_before = last
-            self._find_speaker(number, expected, now)
-            return BEGUN if number == 1 else MET
+            self._find_publisher(number, expected, now)
+            return BEGUN if number == 1 else JOINED
         if expected is None:
             # Its publisher is known only if there is just one.
             if self._endpoints and len(self._endpoints) == 1:
-                self._speaker, = self._endpoints
+                self._publisher, = self._endpoints
                 self._perhaps_silent.clear()
             else:
                 self._perhaps_silent |= self._silent
             self._silent.clear()
-            return MET
+            return JOINED
         self.lost += number - expected
         if number > self._last_before:
             # It may be from a publisher of the same node name that is alive after all.
-            self._speaker = None
+            self._publisher = None
         return LOST
 
     def update(self, endpoints: Sequence[Endpoint]) -> bool:
@@ -144,7 +144,7 @@ class Stream:
         if self.awaits_endpoint and len(new) <= 1:
             # Those that have gone were not its publisher, and the new one is.
             if new:
-                self._speaker = self._presumed = new[0]
+                self._publisher = self._presumed = new[0]
                 self.awaits_endpoint = False
             return False
         self._silent = (self._silent & current.keys()) | {*new}
@@ -159,18 +159,18 @@ class Stream:
         self.interrupt()
         return True
 
-    def _find_speaker(self, number: int, expected: int | None, now: int) -> None:
+    def _find_publisher(self, number: int, expected: int | None, now: int) -> None:
         """Find the publisher that began a stream with this number."""
-        self._speaker = None
+        self._publisher = None
         self.mixed_until = NEVER
         presumed, self._presumed = self._presumed, None
         if self._perhaps_silent:
             return
         if len(self._silent) == 1:
-            self._speaker = self._silent.pop()
+            self._publisher = self._silent.pop()
         elif not self._silent and number == 1:
             if presumed in (self._endpoints or ()):
-                self._speaker = presumed
+                self._publisher = presumed
             else:
                 self.awaits_endpoint = True
         elif not self._silent and expected is not None:

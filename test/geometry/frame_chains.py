@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-A search for chains of frames with errors beyond lemma 22 of docs/exactness.md.
+A search for chains of frames with errors beyond lemma 24 of docs/exactness.md.
 
 Transforms and points pass through `Frames` and `moved_points`, as in messages. The true position
 follows from the received numbers in integers of any length: the rotation of a quaternion of any

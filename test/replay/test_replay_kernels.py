@@ -71,7 +71,8 @@ def test_prepared_kernels_are_all_that_commands_need(start, tmp_path):
     assert f'kept in {tmp_path / "sat_collision" / "geometry" / "__pycache__"}' in result.stdout
     prepared = compiled(tmp_path)
     assert len(prepared) > 20
-    assert any(name.startswith('nearness.look') for name in prepared), 'of sets taken together'
+    assert any(name.startswith('nearness.nearest_in_steps') for name in prepared), (
+        'of sets taken together')
     for arguments in (('-m', 'sat_collision.replay', small),
                       ('-m', 'sat_collision.replay', long_recording(tmp_path / 'long')),
                       ('-m', 'sat_collision.replay', '--as-live', small),

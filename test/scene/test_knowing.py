@@ -141,10 +141,10 @@ def drop_refused_members(patch):
 
 def ignore_older_namesakes(patch):
     def receive(self, number, now, original=Stream.receive):
-        speaker = self._speaker
+        publisher = self._publisher
         news = original(self, number, now)
         if news is LOST:
-            self._speaker = speaker
+            self._publisher = publisher
         return news
     patch.setattr(Stream, 'receive', receive)
 

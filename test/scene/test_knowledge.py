@@ -19,9 +19,9 @@ import re
 import pytest
 from sat_collision.scene.knowledge import Keys, Maps, Sets
 from sat_collision.scene.settings import NEVER
-from sat_collision.scene.streams import BEGUN, CONTINUES, Endpoint, LOST, MET, Stream
+from sat_collision.scene.streams import BEGUN, CONTINUES, Endpoint, JOINED, LOST, Stream
 
-NEWS = {'': CONTINUES, '^': BEGUN, '~': MET, '!': LOST}
+NEWS = {'': CONTINUES, '^': BEGUN, '~': JOINED, '!': LOST}
 
 
 class Letters(dict):
@@ -334,19 +334,19 @@ def play(stream, events, now=0):
 
 @pytest.mark.parametrize('events, news', [
     ([1, 2, 3], [BEGUN, CONTINUES, CONTINUES]),
-    ([7, 8, 10, 11], [MET, CONTINUES, LOST, CONTINUES]),
+    ([7, 8, 10, 11], [JOINED, CONTINUES, LOST, CONTINUES]),
     ([1, 2, 1, 2], [BEGUN, CONTINUES, BEGUN, CONTINUES]),
-    ([5, 6, 4], [MET, CONTINUES, MET]),
-    ([5, 6, 6], [MET, CONTINUES, MET]),
-    ([None, None], [MET, CONTINUES]),
+    ([5, 6, 4], [JOINED, CONTINUES, JOINED]),
+    ([5, 6, 6], [JOINED, CONTINUES, JOINED]),
+    ([None, None], [JOINED, CONTINUES]),
     # A change of publishers ends a stream, even if the next number continues it.
-    ([[A], 1, 2, [A, B], 3], [True, BEGUN, CONTINUES, True, MET]),
-    ([[A], 1, [A, B], [A], 2], [True, BEGUN, True, True, MET]),
-    ([[A], 1, [], [A], 2, 3], [True, BEGUN, True, True, MET, CONTINUES]),
+    ([[A], 1, 2, [A, B], 3], [True, BEGUN, CONTINUES, True, JOINED]),
+    ([[A], 1, [A, B], [A], 2], [True, BEGUN, True, True, JOINED]),
+    ([[A], 1, [], [A], 2, 3], [True, BEGUN, True, True, JOINED, CONTINUES]),
     ([[A], 1, [A], 2], [True, BEGUN, False, CONTINUES]),
     # Number 1 may come before its publisher is announced; that announcement then ends nothing.
     ([1, [A], 2], [BEGUN, False, CONTINUES]),
-    ([[], 1, [A], 2, [A, B], 3], [False, BEGUN, False, CONTINUES, True, MET]),
+    ([[], 1, [A], 2, [A, B], 3], [False, BEGUN, False, CONTINUES, True, JOINED]),
     ([[A], 1, 1, [], [B], 2], [True, BEGUN, BEGUN, False, False, CONTINUES])])
 def test_streams(events, news):
     """Rule 10: which messages are of one publisher, without a gap."""

@@ -16,9 +16,9 @@
 The hard families: named generators of pairs of bodies on which collision tests go wrong.
 
 Each takes (rng, count, n) and returns a list of count pairs of (k, 2) float64 arrays; k is n, or
-less where a family fixes its shapes or rounding removed a vertex.  `CONVEX` bodies are exactly
-strictly convex and counter-clockwise as float64 coordinates, and so are `EXTREME` ones, whose
-numbers overflow and underflow; `SIMPLE` ones are simple, mostly not convex.
+less where a family fixes its shapes or rounding removed a vertex. With their float64 coordinates
+`CONVEX` bodies are strictly convex and counter-clockwise, exactly, and so are `EXTREME` ones,
+whose numbers overflow and underflow; `SIMPLE` ones are simple, mostly not convex.
 No family states its answers: the oracle computes them exactly.
 """
 

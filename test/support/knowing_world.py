@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-A world of publishers, lossy channels and clocks around one source, and the promises of a source.
+A world of publishers, lossy channels and clocks around one source: docs/knowing.md.
 
 The source is the real one, the geometry is not: a body is 'T', which touches the footprint, 'F',
-which is far, or 'M', which comes nearer. The world knows what was sent and what was delivered, and
-decides by that in each state whether clear and the time to collision are right and whether the
-source becomes known again: docs/knowing.md.
+which is far, or 'M', which comes nearer. The world knows what was sent and what was delivered. By
+that it decides in each state whether the promises of a source hold: whether clear and the time to
+collision are right, and whether the source becomes known again.
 """
 
 from dataclasses import replace
@@ -71,9 +71,6 @@ class Bodies:
 
     def hide_obstacles(self, group, rows):
         self.placed = {one: body for one, body in self.placed.items() if one.group is not group}
-
-    def begin_set(self, source, stamp):
-        pass
 
     def first_contact(self, footprint, velocity, seconds, courses):
         first = None

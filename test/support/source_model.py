@@ -278,9 +278,9 @@ class SourceModel:
             self._begin_anew(self._read, message.now)
         if self._has_sets and self.settings.timeout and message.stamp is not None and (
                 message.stamp or not message.is_end):
-            manner = read_sets if message.stamp else read_keys
-            if manner is not self._read:
-                self._begin_anew(manner, message.now)
+            read = read_sets if message.stamp else read_keys
+            if read is not self._read:
+                self._begin_anew(read, message.now)
         self._log.append(message._replace(
             is_first=message.number == 1,
             is_after_gap=message.number not in (1, expected)))
@@ -313,10 +313,10 @@ class SourceModel:
             self._question, self._answer = question, self._read(self.settings, self._log, now)
         return self._answer
 
-    def _begin_anew(self, manner, now):
+    def _begin_anew(self, read, now):
         self._former.append((filterfalse if self._read is read_sets else dropwhile,
                              [one for one in self._listed(now)[0] if not one.refusal]))
-        self._read, self._log = manner, []
+        self._read, self._log = read, []
 
     def _forget(self):
         self._log, self._former = [], []

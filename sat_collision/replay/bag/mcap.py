@@ -73,7 +73,7 @@ class McapFile(Storage):
 
     def __init__(self, path: Path, faults: Faults, limits: Limits) -> None:
         super().__init__(faults)
-        self._most = limits.chunk
+        self._max_bytes = limits.chunk
         self._left = 4 * limits.chunk
         self._file = -1
         # In the order of the file.
@@ -215,7 +215,7 @@ class McapFile(Storage):
             at += size
 
     def _content(self, block: Block, held: int) -> bytes:
-        if block.plain + held > self._most:
+        if block.plain + held > self._max_bytes:
             raise Damage(f'{block.plain + held} bytes at once: allow more with --max-memory')
         content = unpacked(self._read(block.at, block.size), block.compression, block.plain)
         if len(content) != block.plain:
@@ -234,7 +234,7 @@ class McapFile(Storage):
 
     def _read(self, at: int, size: int) -> bytes:
         """Return bytes of the file."""
-        if size > self._most:
+        if size > self._max_bytes:
             raise Damage(f'{size} bytes at once: allow more with --max-memory')
         data = os.pread(self._file, size, at)
         if len(data) < size:

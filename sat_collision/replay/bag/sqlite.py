@@ -51,7 +51,8 @@ class SqliteFile(Storage):
     def __init__(self, path: Path, faults: Faults, scratch: Scratch, limits: Limits) -> None:
         super().__init__(faults)
         size = sum(_size(Path(f'{path}{end}')) for end in ('', *_LOGS))
-        self._most = min(size, limits.chunk)
+        self._max_bytes = min(size, limits.chunk)
+        # Whether the survey read all rows, and whether all have data of acceptable type and size.
         self._whole = self._plain = False
         self._names: dict[object, str] = {}
         self._connection: sqlite3.Connection | None = None
@@ -77,7 +78,7 @@ class SqliteFile(Storage):
         read: Counter[str] = Counter()
         untimed = unfit = 0
         keys = [key for key, name in self._names.items() if name in topics]
-        query = _READ.format('data' if self._plain else _GUARDED.format(self._most),
+        query = _READ.format('data' if self._plain else _GUARDED.format(self._max_bytes),
                              '' if self._whole else 'NOT INDEXED', ', '.join('?' * len(keys)),
                              'timestamp' if self._whole else 'rowid')
         try:
@@ -139,7 +140,7 @@ class SqliteFile(Storage):
             for key, name in self._names.items():
                 self.counts[name] += counts.pop(key)
             self._faults.unknown('topics', counts)
-        self._plain = shortest >= 0 and longest <= self._most
+        self._plain = shortest >= 0 and longest <= self._max_bytes
         # Rows that share pages could make a small file yield far more data than it has.
         if announced > size:
             self.close()

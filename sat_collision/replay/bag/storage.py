@@ -31,15 +31,15 @@ Message: TypeAlias = tuple[str, int, bytes]  # topic, time in ns, data
 # Consecutive messages of one topic: the topic, their times in ns, which do not fall, their data.
 Row: TypeAlias = tuple[str, list[int], list[bytes]]
 
-# The most messages in a row, as many as the node processes together.
+# Max messages in a row, as many as the node processes together.
 LONGEST_ROW = 64
 
 ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 _PIECE = 2**20
 _LIBRARIES = {'zstd': 'backports.zstd', 'lz4': 'lz4'}
-# The most differences reported for a file, and the most characters about all its faults.
-_MOST = 3
-_LONGEST = 1000
+# Max differences reported for a file, and max characters about all its faults.
+_MAX_DIFFERENCES = 3
+_MAX_CHARACTERS = 1000
 
 
 def is_installed(library: str) -> bool:
@@ -96,12 +96,12 @@ class Faults:
     def __str__(self) -> str:
         more = f', and in {self._more} more places' if self._more else ''
         differences = list(self._differences.values())
-        parts = [self._first + more] * bool(self._first) + differences[:_MOST]
-        if differences[_MOST:]:
-            parts.append(f'and {len(differences) - _MOST} more differences')
+        parts = [self._first + more] * bool(self._first) + differences[:_MAX_DIFFERENCES]
+        if differences[_MAX_DIFFERENCES:]:
+            parts.append(f'and {len(differences) - _MAX_DIFFERENCES} more differences')
         # Names of topics come from the file, and may be anything.
         text = ''.join(letter if letter.isprintable() else '?' for letter in '; '.join(parts))
-        return f'{self._file}: {text[:_LONGEST]}'
+        return f'{self._file}: {text[:_MAX_CHARACTERS]}'
 
 
 class Damage(Exception):
@@ -163,7 +163,7 @@ class Limits:
 
     @property
     def chunk(self) -> int:
-        """The most bytes that are decompressed at a time."""
+        """Max bytes that are decompressed at a time."""
         # A message takes at least 31 bytes of a chunk, and about 200 as an entry of a list.
         return self.memory // 8
 
@@ -217,7 +217,7 @@ def _library(compression: str) -> Any:
 
 
 class Scratch:
-    """A folder for temporary files of at most so many bytes in all."""
+    """A folder for temporary files, of at most `max_bytes` in all."""
 
     def __init__(self, max_bytes: int) -> None:
         self._max_bytes = self._left = max_bytes

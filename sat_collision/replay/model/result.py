@@ -35,10 +35,12 @@ NODE = '/footprint_monitor'
 RECEIVE = 'receive'
 HEADER = 'header'
 _SECOND = 10**9
-# Moments over all time and around a contact, and around how many of the deepest contacts.
+# Number of moments drawn over all time, and around each of the deepest contacts; max number of
+# these contacts.
 _MOMENTS = 400
 _AROUND = 40
 _MAX_AROUND = 20
+# Max contacts that are drawn, and max samples of a curve.
 MAX_CONTACTS = 200
 _MAX_SAMPLES = 4096
 
@@ -84,7 +86,7 @@ AT_A_SAMPLE = 'at a sample'
 BETWEEN_SAMPLES = 'between samples'
 
 # From the least to the most serious verdict.
-GRAVITY = (Verdict.CLEAR, Verdict.UNKNOWN, Verdict.BAD_INPUT, Verdict.COLLISION)
+SEVERITY = (Verdict.CLEAR, Verdict.UNKNOWN, Verdict.BAD_INPUT, Verdict.COLLISION)
 
 
 @dataclass
@@ -254,24 +256,24 @@ class Result:
     @property
     def too_unknown(self) -> list[FootprintResult]:
         """The footprints that were unknown for too long."""
-        most = 1e9 * self.options.max_unknown
+        limit = 1e9 * self.options.max_unknown
         return [footprint for footprint in self.footprints if footprint.enabled
-                and (footprint.unknown > most or not footprint.ever_known)]
+                and (footprint.unknown > limit or not footprint.ever_known)]
 
     @property
     def too_undetermined(self) -> list[SourceResult]:
         """The sources whose motion was undetermined for too long."""
-        most = self.options.max_undetermined
-        return [] if most is None else [
-            source for source in self.sources if source.undetermined > 1e9 * most]
+        limit = self.options.max_undetermined
+        return [] if limit is None else [
+            source for source in self.sources if source.undetermined > 1e9 * limit]
 
     @property
     def too_soon(self) -> list[FootprintResult]:
         """The footprints whose least time to collision is less than allowed."""
-        least = self.options.min_ttc
-        return [] if least is None else [
+        limit = self.options.min_ttc
+        return [] if limit is None else [
             footprint for footprint in self.footprints
-            if footprint.soonest and footprint.soonest.time_to_collision < least]
+            if footprint.soonest and footprint.soonest.time_to_collision < limit]
 
     @property
     def verdict(self) -> Verdict:
@@ -289,7 +291,7 @@ class Result:
 
 def overall(results: Iterable[Result]) -> Verdict:
     """Return the verdict on several recordings: the most serious one."""
-    return max((result.verdict for result in results), key=GRAVITY.index,
+    return max((result.verdict for result in results), key=SEVERITY.index,
                default=Verdict.BAD_INPUT)
 
 

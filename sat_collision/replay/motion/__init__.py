@@ -18,9 +18,9 @@ bodies        sets of outlines, and their linear motion from one set to the next
 trajectories  the trajectory of a footprint
 tracker       which body is which from one message to the next
 contacts      where and when a footprint touches obstacles in between
-kernels       operations on many rings: bounds, nearest neighbours, motions
+kernels       operations on many rings (outlines as received): bounds, nearest neighbours, motions
 nearness      which bodies are near to a footprint
 prediction    predicted time to collision of a footprint
-walk          all of this applied to a recording
+motion        all of this applied to a recording
 tape          the motion kept for drawing
 """

@@ -31,7 +31,8 @@ from sat_collision.geometry.sweep import time_of_contact
 from sat_collision.replay.model.result import (
     AT_A_SAMPLE, BETWEEN_SAMPLES, Contact, FootprintResult, Least, least_of, Series, Unknown)
 from sat_collision.replay.motion.bodies import Block, Bodies, Floats, Integers, LinearMotion
-from sat_collision.replay.motion.nearness import look, measure_near, rows_near, SLACK
+from sat_collision.replay.motion.nearness import (
+    measure_near, nearest_in_steps, rows_near, SLACK)
 from sat_collision.replay.motion.tracker import Step
 from sat_collision.replay.motion.trajectories import Box, Piece, Trajectory
 from sat_collision.scene.obstacles import ObstacleId
@@ -46,7 +47,7 @@ class ContactTracker:
     Bodies apart by up to the margin, in metres, count as in contact.
     """
 
-    def __init__(self, trajectory: Trajectory, contacts: Contacts, margin: float) -> None:
+    def __init__(self, trajectory: Trajectory, contacts: ContactResults, margin: float) -> None:
         # Steps to be decided once the trajectory is known.
         self.waiting: deque[Step] = deque()
         # Whether footprint and source were ever known at the same time.
@@ -58,12 +59,12 @@ class ContactTracker:
         self._contacts = contacts
         self._margin = margin
         self._touching: dict[ObstacleId, Contact] = {}
-        self._looks: _Looks | None = None
+        self._nearest: _NearestInSteps | None = None
 
     def decide(self, step: Step) -> None:
         """Decide a step; the trajectory must be complete up to the end of the step."""
         if step.last is not None and step.seen is not None and not self._touching and (
-                self._look_together(step.last, step.seen)):
+                self._decide_from_block(step.last, step.seen)):
             return
         followed: dict[ObstacleId, Contact] = {}
         for motion in step.motions:
@@ -74,7 +75,7 @@ class ContactTracker:
             before = self._touching
             before.update(followed)
         if step.seen is not None:
-            touching = self._look(step.seen, before)
+            touching = self._decide_moment(step.seen, before)
             if step.gone is None:
                 self._touching = touching
             else:
@@ -89,25 +90,27 @@ class ContactTracker:
         for contact in self._touching.values():
             contact.at_end = True
 
-    def _look_together(self, last: Bodies, seen: Bodies) -> bool:
+    def _decide_from_block(self, last: Bodies, seen: Bodies) -> bool:
         """Decide a step from the results of its block; return False if these do not have it."""
-        looks = self._looks
-        if looks is None or looks.block is not seen.block:
+        nearest = self._nearest
+        if nearest is None or nearest.block is not seen.block:
             if self._trajectory.block is None:
                 return False
-            looks = self._looks = _Looks(seen.block, self._trajectory.block, self._margin)
-        first, end, low, high = looks.steps[seen.number]
-        if first < 0 or not self._trajectory.is_in_block(looks.trajectory, low, high, last.begin,
-                                                         seen.begin):
+            nearest = self._nearest = _NearestInSteps(
+                seen.block, self._trajectory.block, self._margin)
+        first, end, low, high = nearest.steps[seen.number]
+        if first < 0 or not self._trajectory.is_in_block(
+                nearest.trajectory, low, high, last.begin, seen.begin):
             return False
         self.decided = True
-        for (time, row, kind), value in zip(looks.times[first:end], looks.values[first:end]):
+        for (time, row, kind), value in zip(nearest.times[first:end], nearest.values[first:end]):
             if kind:
                 self._series.add(time, value)
             self._contacts.measure(seen if kind == 2 else last, row, time, value)
         return True
 
-    def _look(self, seen: Bodies, before: dict[ObstacleId, Contact]) -> dict[ObstacleId, Contact]:
+    def _decide_moment(self, seen: Bodies,
+                       before: dict[ObstacleId, Contact]) -> dict[ObstacleId, Contact]:
         """Decide a moment: return the contacts, and record their depths and the nearest body."""
         touching: dict[ObstacleId, Contact] = {}
         box = self._trajectory.bounds(seen.begin, seen.end) if len(seen) else None
@@ -164,9 +167,9 @@ class ContactTracker:
             if contact is not None:
                 followed[motion.after.names[motion.next_rows[i]]] = contact
         if box is not None:
-            self._look_at_still(motion, seen)
+            self._measure_still(motion, seen)
 
-    def _look_at_still(self, motion: LinearMotion, seen: Bodies | None) -> None:
+    def _measure_still(self, motion: LinearMotion, seen: Bodies | None) -> None:
         """Find the nearest of the bodies that stand still, at the samples of the footprint."""
         times = [time for time in self._trajectory.samples(motion.begin, motion.end)
                  if seen is None or time not in seen.moments]
@@ -260,9 +263,9 @@ class ContactTracker:
         return None if share is None else pair.begin + round(share * (pair.end - pair.begin))
 
 
-class _Looks:
+class _NearestInSteps:
     """
-    The obstacles nearest to a footprint at each step of a block, as `look` finds them.
+    The obstacles nearest to a footprint at each step of a block: what `nearest_in_steps` writes.
 
     The trajectory is the block of the footprint's samples.
     """
@@ -274,8 +277,9 @@ class _Looks:
         steps = np.empty((len(block.sets), 4), np.int64)
         room = len(block.sets) + len(trajectory.sets)
         times, values = np.empty((room, 3), np.int64), np.empty(room)
-        look(*((one.points, one.rings, one.boxes, one.sets, *one.motions)
-               for one in (trajectory, block)), margin, steps, times, values)
+        own, other = ((one.points, one.rings, one.boxes, one.sets, *one.motions)
+                      for one in (trajectory, block))
+        nearest_in_steps(own, other, margin, steps, times, values)
         self.steps, self.times, self.values = steps.tolist(), times.tolist(), values.tolist()
 
 
@@ -330,7 +334,7 @@ def _between(first: int, last: int) -> list[int]:
     return [first + (last - first) * part // 8 for part in (4, 2, 6, 1, 3, 5, 7)]
 
 
-class Contacts:
+class ContactResults:
     """Collects the results of one footprint; contacts also go to the list of all footprints."""
 
     def __init__(self, result: FootprintResult, contacts: list[Contact],

@@ -15,6 +15,8 @@
 """
 Operations on many rings of points: their bounds, and their motions from one set to the next.
 
+A ring has the points of an outline as received, moved to the fixed frame.
+
 Arrays are written to, not returned: numba takes a microsecond to return one to Python.
 """
 

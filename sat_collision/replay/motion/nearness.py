@@ -103,9 +103,12 @@ def _separation(outline, n, points, ring):
 
 
 @kernel
-def look(trajectory, bodies, margin, steps, times, values):
+def nearest_in_steps(trajectory, bodies, margin, steps, times, values):
     """
     Find the body nearest to a moving footprint in each step of a block that is free of contacts.
+
+    It looks at some times in each step: at each sample of the footprint for bodies that stand
+    still, and at the end of the step for all.
 
     Parameters
     ----------

@@ -54,9 +54,9 @@ _time_of = attrgetter('time')
 _Found: TypeAlias = tuple[float, str]
 
 
-class Prediction:
+class Predictor:
     """
-    Predicts from the messages of one footprint when it would have touched an obstacle.
+    Predicts at messages of one footprint when it would have touched an obstacle.
 
     It looks ahead up to the horizon, in s. Bodies apart by up to the margin, in m, collide.
     """

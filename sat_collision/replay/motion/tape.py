@@ -40,26 +40,26 @@ class MotionTape(Tape):
         super().__init__(max_bytes)
         self._footprints = footprints
 
-    def develop(self, moments: Sequence[int], end: int) -> Keyframes:
+    def keyframes_at(self, moments: Sequence[int], end: int) -> Keyframes:
         """Return keyframes at some moments; the recording ends at a time in ns."""
         keyframes = Keyframes(moments)
         trajectories = {one.name: Trajectory(one) for one in self._footprints}
-        motion = _Developer(keyframes)
+        filler = _Filler(keyframes)
         for key, event in self._events():
             if isinstance(event, Step):
-                motion.follow(key, event)
+                filler.follow(key, event)
                 for trajectory in trajectories.values():
                     trajectory.stand(event.finish)
             elif event is None:
                 trajectories[key].lose()
             else:
                 trajectories[key].add(event.begin, event)
-                motion.walk(key, trajectories[key])
+                filler.show(key, trajectories[key])
                 trajectories[key].drop_before(event.begin - LONGEST)
         for name, trajectory in trajectories.items():
             trajectory.stand(end)
-            motion.walk(name, trajectory)
-        motion.finish(end)
+            filler.show(name, trajectory)
+        filler.finish(end)
         return keyframes
 
 
@@ -72,7 +72,7 @@ class _Sight(NamedTuple):
     body: ShownBody
 
 
-class _Developer:
+class _Filler:
     """
     Fills keyframes with the recorded motion that contacts are decided by.
 
@@ -115,7 +115,7 @@ class _Developer:
                 body = sights[name].body
             sights[name] = _Sight(stamp, str(name), seen.ring(row), body or self._keyframes.add())
 
-    def walk(self, name: str, trajectory: Trajectory) -> None:
+    def show(self, name: str, trajectory: Trajectory) -> None:
         """Show a footprint on its trajectory, as far as that is known so far."""
         if trajectory.latest is None:
             return

@@ -273,7 +273,6 @@ class _Sighting(NamedTuple):
     bodies: Bodies
     row: int
     seen_at: int
-
     stamp: int
 
 

@@ -24,6 +24,7 @@ from typing import TypeAlias
 import numpy as np
 from sat_collision.geometry.polygon import Affine2D, Polygon, PolygonError
 from sat_collision.messages.cdr import Points
+from sat_collision.messages.ingest import vertices_of
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.replay.motion.bodies import (
     Block, Bodies, Floats, LinearMotion, LONGEST, motion_between)
@@ -32,8 +33,8 @@ from sat_collision.replay.motion.nearness import around
 from sat_collision.scene.frames import NoTransform
 from sat_collision.scene.settings import FootprintSettings, NEVER
 
-NUMBERS = 3  # a point's, in a message
-_ONE = np.zeros(1, np.int64)
+# The row of a footprint, which is alone in its set.
+_ROW = np.zeros(1, np.int64)
 # min x, min y, max x, max y.
 Box: TypeAlias = tuple[float, float, float, float]
 
@@ -55,7 +56,7 @@ class Piece:
     @cached_property
     def motion(self) -> LinearMotion:
         """The motion, vertex by vertex."""
-        return motion_between(self.before, self.after, _ONE, _ONE)
+        return motion_between(self.before, self.after, _ROW, _ROW)
 
 
 class Trajectory:
@@ -210,7 +211,7 @@ class Trajectory:
 
 # The most that a vertex may be off the line that approximates its motion, in m, as in the sweep.
 TOLERANCE = 1e-6
-
+# Shorter intervals, in ns, are not divided.
 _SHORTEST = 4
 
 
@@ -224,11 +225,9 @@ class Poses:
     def __init__(self, transforms: TransformListener, frame_id: str, points: Points) -> None:
         self._transforms = transforms
         self._frame_id = frame_id
-        data, start, count = points
-        self._vertices: Floats = np.frombuffer(data, np.float32, NUMBERS * count, start).reshape(
-            -1, NUMBERS).astype(np.float64)
+        vertices = vertices_of(points)
         # Homogeneous coordinates: x, y, 1.
-        self._vertices[:, 2] = 1.0
+        self._vertices: Floats = np.column_stack([vertices, np.ones(len(vertices))])
 
     def between(self, begin: int, end: int) -> list[tuple[int, Affine2D]] | None:
         """
@@ -257,7 +256,7 @@ class Poses:
         first, last = np.array(self._affine(begin)), np.array(self._affine(end))
         for time in ((begin + middle) // 2, middle, (middle + end) // 2):
             straight = first + (time - begin) / (end - begin) * (last - first)
-            off = (np.array(self._affine(time)) - straight).reshape(2, NUMBERS) @ self._vertices.T
+            off = (np.array(self._affine(time)) - straight).reshape(2, 3) @ self._vertices.T
             if np.hypot(*off).max() > TOLERANCE:
                 self._refine(begin, middle, found)
                 found.append((middle, self._affine(middle)))

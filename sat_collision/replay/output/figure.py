@@ -32,16 +32,16 @@ from numpy.typing import NDArray
 from sat_collision.replay.model.keyframes import Keyframes
 from sat_collision.replay.model.result import deepest_contacts, joined, Result
 from sat_collision.replay.output.text import (
-    Bar, colours, distance, GREY, INK, name_of, OBSTACLE, RED, Rows, rows_of)
+    Bar, colours, distance, GREY, INK, Lane, lanes_of, name_of, OBSTACLE, RED)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.text import Text
 
-# What leaves the time of drawing out, by the ending of the file.
+# Metadata without the time of drawing, by the ending of the file.
 _UNDATED = {'.svg': {'Date': None}, '.pdf': {'CreationDate': None}}
 _DPI = 110
-# Most scenes drawn, and most of them side by side.
+# Max scenes drawn, and max of them side by side.
 _MAX_SCENES = 6
 _COLUMNS = 3
 # Height of a row in inches, height of a bar in rows, least width of a bar as a share of all time.
@@ -68,7 +68,7 @@ class _View(NamedTuple):
 
 
 def _views(result: Result) -> Sequence[_View | None]:
-    """Return the scenes to show: of each contact, or where the separation is least, or of all."""
+    """Return the scenes to show: the deepest contacts, else the least separation, else None."""
     found = sorted(deepest_contacts(result)[:_MAX_SCENES], key=lambda contact: contact.deepest)
     if found:
         return [_View(one.footprint, one.obstacle, one.deepest, 0.0 - one.depth, one.x, one.y)
@@ -87,8 +87,8 @@ def write_picture(result: Result, path: str) -> None:
 
 def draw_picture(result: Result) -> Figure:
     """Return a result as a figure; of a check with `keyframes`."""
-    rows, views = rows_of(result), _views(result)
-    height = rows[-1].end if rows else 1
+    lanes, views = lanes_of(result), _views(result)
+    height = lanes[-1].end if lanes else 1
     below = _ROW * height
     columns = min(len(views), _COLUMNS)
     lines = -(-len(views) // columns)
@@ -96,12 +96,12 @@ def draw_picture(result: Result) -> Figure:
                     layout=ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.1))
     FigureCanvasAgg(figure)
     grid = figure.add_gridspec(2 + lines, columns, height_ratios=(4.2, below, *[4.0] * lines))
-    curves, row_axes = figure.add_subplot(grid[0, :]), figure.add_subplot(grid[1, :])
+    curves, lane_axes = figure.add_subplot(grid[0, :]), figure.add_subplot(grid[1, :])
     scenes = [figure.add_subplot(grid[2 + k // columns, k % columns]) for k in range(len(views))]
-    row_axes.sharex(curves)
-    _draw_curves(result, rows, curves)
-    row_axes.set_ylim(height - 0.5, -0.5)
-    _draw_rows(result, rows, row_axes)
+    lane_axes.sharex(curves)
+    _draw_curves(result, lanes, curves)
+    lane_axes.set_ylim(height - 0.5, -0.5)
+    _draw_lanes(result, lanes, lane_axes)
     title = figure.suptitle(f'{name_of(result)}: {result.verdict.words}', fontsize=14,
                             fontweight='bold', color=INK)
     _fit(title, 0.96 * figure.bbox.width)
@@ -120,19 +120,19 @@ def draw_picture(result: Result) -> Figure:
         for axes, view in zip(scenes, views):
             _look_at(axes, view, keyframes)
     figure.set_layout_engine('none')
-    _label_rows(result, rows, row_axes)
+    _label_lanes(result, lanes, lane_axes)
     for axes, view, text in zip(scenes, views, titles):
         _fit(text, axes.bbox.width)
         _draw_scene(result, keyframes, axes, view)
     return figure
 
 
-def _draw_curves(result: Result, rows: list[Rows], axes: Axes) -> None:
+def _draw_curves(result: Result, lanes: list[Lane], axes: Axes) -> None:
     """Draw separations over time, with contacts and unknown times shaded."""
     axes.set_ylabel('separation [m]')
     axes.set_title('Separation from the nearest obstacle; below, contacts over time', fontsize=10)
     axes.tick_params(labelbottom=False)
-    bars = [bar for row in rows for bar in row.bars]
+    bars = [bar for lane in lanes for bar in lane.bars]
     for is_contact, colour in ((False, GREY), (True, RED)):
         for first, last in joined(_bounds(bar, result) for bar in bars
                                   if (bar.contact is not None) is is_contact):
@@ -154,34 +154,34 @@ def _draw_curves(result: Result, rows: list[Rows], axes: Axes) -> None:
     axes.set_xlim(first, first + max(result.duration, 1e-9))
 
 
-def _draw_rows(result: Result, rows: list[Rows], axes: Axes) -> None:
-    """Draw the rows and the names of footprints, without other texts."""
+def _draw_lanes(result: Result, lanes: list[Lane], axes: Axes) -> None:
+    """Draw the lanes and the names of footprints, without other texts."""
     axes.set_xlabel('time since the recording begins [s]')
-    axes.set_yticks([(row.first + row.end - 1) / 2 for row in rows],
-                    [row.name for row in rows], fontweight='bold')
+    axes.set_yticks([(lane.first + lane.end - 1) / 2 for lane in lanes],
+                    [lane.name for lane in lanes], fontweight='bold')
     for label, colour in zip(axes.get_yticklabels(), colours(result).values()):
         label.set_color(colour)
         _fit(label, _NAME * axes.bbox.width)
     axes.tick_params(axis='y', length=0)
     axes.spines[['left', 'right', 'top']].set_visible(False)
-    for row in rows:
-        if row.first:
-            axes.axhline(row.first - 0.5, color=GREY, linewidth=0.4)
-        for bar in row.bars:
+    for lane in lanes:
+        if lane.first:
+            axes.axhline(lane.first - 0.5, color=GREY, linewidth=0.4)
+        for bar in lane.bars:
             first, last = _bounds(bar, result)
             axes.add_patch(Rectangle(
                 (first, bar.row - _HEIGHT / 2), last - first, _HEIGHT, linewidth=0,
                 color=RED if bar.contact else GREY))
 
 
-def _label_rows(result: Result, rows: list[Rows], axes: Axes) -> None:
+def _label_lanes(result: Result, lanes: list[Lane], axes: Axes) -> None:
     """Write what each bar is; the deepest contacts come first where room is short."""
-    for row in rows:
+    for lane in lanes:
         boxes = [Bbox(axes.transData.transform([
             (first, bar.row + _HEIGHT / 2), (last, bar.row - _HEIGHT / 2)]))
-            for bar in row.bars for first, last in [_bounds(bar, result)]]
+            for bar in lane.bars for first, last in [_bounds(bar, result)]]
         taken = list(boxes)
-        for bar, box in zip(row.bars, boxes):
+        for bar, box in zip(lane.bars, boxes):
             _label(axes, bar.text, box, INK, taken, sides=((0, 0), (1, 0), (-1, 0)))
 
 

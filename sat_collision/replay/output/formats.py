@@ -44,10 +44,10 @@ _COLUMNS = ('bag', 'kind', 'footprint', 'obstacle', 'first_ns', 'last_ns', 'dura
 _Case: TypeAlias = tuple[str, str, str, list[str]]
 _Values: TypeAlias = dict[str, Any]
 
-# Separations are rounded: another processor or NumPy may round otherwise.
+# These are rounded, on another processor or by another NumPy maybe otherwise.
+_ROUNDED = {'x', 'y', 'depth', 'separation', 'time_to_collision'}
 _TOLERANCE = 1e-9
-_PLACES = {'x', 'y', 'depth', 'separation', 'time_to_collision'}
-# Where two normals are equally good, rounding decides which.
+# Not compared, because where two normals are equally good rounding chooses one.
 _MANIFOLD = {'normal', 'points'}
 _CURVES = {'separation', 'time_to_collision'}
 _LEFT_OUT = {'bag', 'content', 'problems', 'notes', 'max_unknown', 'max_undetermined',
@@ -261,7 +261,7 @@ def _compared(where: str, expected: Any, found: Any) -> Iterator[str]:
 
 
 def _same(where: str, expected: Any, found: Any) -> bool:
-    if where.rpartition('.')[2] in _PLACES and isinstance(expected, float) and (
+    if where.rpartition('.')[2] in _ROUNDED and isinstance(expected, float) and (
             isinstance(found, (int, float))):
         return math.isclose(expected, found, rel_tol=_TOLERANCE, abs_tol=_TOLERANCE)
     return bool(expected == found)

@@ -78,7 +78,7 @@ function showTables() {
   at('tables').replaceChildren(...parts);
 }
 
-// What is so at the present time
+// The states at the present time
 
 function lasting(time) {
   return recording.contacts.filter(one => one.first <= time && time <= one.last);
@@ -120,7 +120,7 @@ function showStates() {
   timeline.setAttribute('aria-valuenow', now);
 }
 
-// Going from time to time
+// Moving in time
 
 function go(time, keepLink = false) {
   const {start, end, times} = recording;
@@ -163,7 +163,7 @@ function play() {
   if (timer) { stop(); return; }
   const {start, end} = recording;
   if (now >= end) go(start);
-  // As fast as it was, but no longer than 30 s.
+  // In real time, or faster if that would take more than 30 s.
   const speed = Math.max(1, (end - start) / 30);
   const begun = performance.now() - 1000 * (now - start) / speed;
   at('play').textContent = 'Pause';

@@ -27,17 +27,17 @@ from typing import Any
 import numpy as np
 from sat_collision.replay.model.keyframes import Floats, Keyframes, ShownBody
 from sat_collision.replay.model.result import (
-    Contact, deepest_contacts, GRAVITY, least_of_all, MAX_CONTACTS, overall, Result, Sample)
+    Contact, deepest_contacts, least_of_all, MAX_CONTACTS, overall, Result, Sample, SEVERITY)
 from sat_collision.replay.output.text import (
-    CLOCKS, colours, contact_row, CONTACTS, distance, footprint_row, FOOTPRINTS, name_of, rows_of,
+    CLOCKS, colours, contact_row, CONTACTS, distance, footprint_row, FOOTPRINTS, lanes_of, name_of,
     SOONEST, soonest_rows, UNKNOWN, unknown_row, unknown_times)
 
 _SCRIPTS = ('page.js', 'timeline.js', 'scene.js')
-# Most characters of a page's data; the rest of the page is small.
+# Max characters of a page's data; the rest of the page is small.
 _MAX_DATA = 7_500_000
 # Coordinates are rounded to this, m.
 _UNIT = 1e-4
-# Most rows of a table, and most samples in all curves of a recording.
+# Max rows of a table, and max samples in all curves of a recording.
 _MAX_ROWS = 200
 _MAX_SAMPLES = 40_000
 _FEWEST_MOMENTS = 24
@@ -53,7 +53,7 @@ def write_page(results: list[Result], path: str) -> None:
     more, they are shown at fewer moments, and then only those that come nearest to a footprint.
     """
     ordered = sorted(results, key=lambda result: (
-        -GRAVITY.index(result.verdict), result.nearest[1].separation if result.nearest else inf))
+        -SEVERITY.index(result.verdict), result.nearest[1].separation if result.nearest else inf))
     title = name_of(ordered[0]) if len(ordered) == 1 else (
         f'{len(ordered)} recordings: {overall(ordered).words}')
     index = _as_json(_index_of(ordered) if len(ordered) > 1 else None)
@@ -100,12 +100,12 @@ def _fitted(result: Result, limit: int) -> str:
 def _nearest_half(bodies: list[ShownBody]) -> list[ShownBody]:
     """Return the footprints, and that half of the others which comes nearest to their paths."""
     own = [body for body in bodies if body.is_footprint]
-    ways = np.array([span.ring[0] for body in own for span in body.spans] or [(0.0, 0.0)])
-    ways = ways[::max(len(ways) // 200, 1)]
+    paths = np.array([span.ring[0] for body in own for span in body.spans] or [(0.0, 0.0)])
+    paths = paths[::max(len(paths) // 200, 1)]
 
     def nearness(body: ShownBody) -> float:
         places = np.array([span.ring[0] for span in body.spans])
-        return float(np.min(np.hypot(*(places[:, None] - ways).T)))
+        return float(np.min(np.hypot(*(places[:, None] - paths).T)))
 
     others = sorted((body for body in bodies if not body.is_footprint), key=nearness)
     kept = set(own) | set(others[:len(others) // 2]) if others else set()
@@ -134,9 +134,9 @@ def _recording(result: Result, keyframes: Keyframes, numbers: list[int],
              'unknown': _unknown_of(result, footprint.name)}
             for footprint, colour in zip(result.footprints, colours(result).values())
             for samples in [_curve(result, footprint.separation, count)]],
-        'rows': [{**row._asdict(), 'bars': [
-            {**bar._asdict(), 'contact': places.get(id(bar.contact))} for bar in row.bars]}
-            for row in rows_of(result)],
+        'lanes': [{**lane._asdict(), 'bars': [
+            {**bar._asdict(), 'contact': places.get(id(bar.contact))} for bar in lane.bars]}
+            for lane in lanes_of(result)],
         'contacts': [_contact(contact, result, rows, names) for contact in contacts],
         'times': [round(result.since(time), 6) for time in moments], 'unit': _UNIT,
         'bodies': [_body(body, names, numbers) for body in bodies],

@@ -3,7 +3,7 @@ const scene = at('scene');
 // What is in the middle of the scene, and how many pixels a metre is.
 let look = {x: 0, y: 0, scale: 1};
 
-// Rings as they are stored, each as what differs from the one before, to metres.
+// Convert rings to metres, stored as the differences from the ring before.
 function decode(one) {
   if (one.decoded) return;
   one.decoded = true;
@@ -157,7 +157,7 @@ function writeNames(drawn, places, {x, y, width, height}) {
   }
 }
 
-// What is looked at
+// The visible part of the scene
 
 function fit(x, y, reachX, reachY) {
   look = {x, y, scale: Math.min(scene.clientWidth / 2 / reachX, scene.clientHeight / 2 / reachY)};
@@ -235,7 +235,7 @@ view.onchange = () => {
   drawScene();
 };
 
-// The page begins.
+// Start
 scrubber.oninput = () => { stop(); go(Number(scrubber.value)); };
 scrubber.onkeydown = timeline.onkeydown = onKey;
 at('play').onclick = play;

@@ -50,7 +50,7 @@ RED, GREY, OBSTACLE, INK = '#d62728', '#9aa0a6', '#5b7089', '#2b3138'
 _LINES = ('#1f77b4', '#e08214', '#7b52ab', '#1a9e96', '#8c564b', '#3f8f3f', '#c2559d', '#6b7a1f')
 # Of more footprints: hues from orange to violet.
 _FIRST_HUE, _LAST_HUE = 0.08, 0.9
-# Most rows of a footprint in a chart, whose bars overlap in time.
+# Max rows of a footprint in a chart, for bars that overlap in time.
 _MAX_BAR_ROWS = 4
 # More unknown times than this are joined across short gaps.
 _MANY = 1000
@@ -279,7 +279,7 @@ class Bar(NamedTuple):
     contact: Contact | None
 
 
-class Rows(NamedTuple):
+class Lane(NamedTuple):
     """The rows of a footprint, from the first until before the end, and their bars."""
 
     name: str
@@ -288,8 +288,8 @@ class Rows(NamedTuple):
     bars: list[Bar]
 
 
-def rows_of(result: Result) -> list[Rows]:
-    """Return the rows of a result, in which the deepest contacts come first."""
+def lanes_of(result: Result) -> list[Lane]:
+    """Return the lane of each footprint, in whose rows the deepest contacts come first."""
     found = []
     first = 0
     for footprint in result.footprints:
@@ -305,7 +305,7 @@ def rows_of(result: Result) -> list[Rows]:
             k = next(free, _MAX_BAR_ROWS - 1)
             rows[k].append(bar._replace(row=first + k))
         end = first + max(sum(map(bool, rows)), 1)
-        found.append(Rows(footprint.name, first, end, [bar for row in rows for bar in row]))
+        found.append(Lane(footprint.name, first, end, [bar for row in rows for bar in row]))
         first = end
     return found
 

@@ -13,7 +13,7 @@ function svg(kind, attributes = {}, text = '') {
   return made;
 }
 
-// Round numbers between two, some `count` of them, and how many decimals they have.
+// About `count` round numbers between two others, and how many decimals they have.
 function ticks(low, high, count) {
   const rough = (high - low) / Math.max(count, 1) || 1;
   const power = 10 ** Math.floor(Math.log10(rough));
@@ -37,8 +37,8 @@ function showAllTimes() {
 }
 
 function drawTimeline() {
-  const {rows, footprints, contacts} = recording;
-  const count = rows.length ? rows[rows.length - 1].end : 1;
+  const {lanes, footprints, contacts} = recording;
+  const count = lanes.length ? lanes[lanes.length - 1].end : 1;
   const ahead = footprints.flatMap(one => one.ahead.map(([, value]) => value));
   const below = ahead.length ? AHEAD + GAP : 0;
   timeline.style.minHeight = `${MARGIN.top + 230 + below + GAP + ROW * count + MARGIN.bottom}px`;
@@ -74,7 +74,7 @@ function drawTimeline() {
   }
   drawn.append(svg('text', {x: (MARGIN.left + width - MARGIN.right) / 2, y: height - 6,
     'text-anchor': 'middle'}, 'time since the recording begins [s]'));
-  const bars = rows.flatMap(row => row.bars);
+  const bars = lanes.flatMap(lane => lane.bars);
   for (const bar of bars) {
     inner.append(svg('rect', {class: bar.contact === null ? 'shade' : 'shade contact',
       x: x(bar.first), width: Math.max(x(bar.last) - x(bar.first), 0), y: MARGIN.top,
@@ -86,15 +86,15 @@ function drawTimeline() {
       d: path(times.map((time, k) => [time, own[k]]), x, y, recording.asLive)}));
     inner.append(svg('path', {class: 'curve ahead', stroke: colour, d: path(ahead, x, ySeconds)}));
   }
-  rows.forEach((row, k) => {
-    const middle = top + ROW * (row.first + row.end) / 2;
-    const short = row.name.length > 10 ? `${row.name.slice(0, 3)}…${row.name.slice(-6)}` : row.name;
+  lanes.forEach((lane, k) => {
+    const middle = top + ROW * (lane.first + lane.end) / 2;
+    const short = lane.name.length > 10 ? `${lane.name.slice(0, 3)}…${lane.name.slice(-6)}` : lane.name;
     const name = svg('text', {class: 'name own', x: MARGIN.left - 8, y: middle + 4,
       'text-anchor': 'end'}, short);
     name.style.fill = footprints[k].colour;
-    name.append(svg('title', {}, row.name));
+    name.append(svg('title', {}, lane.name));
     drawn.append(name);
-    if (k) drawn.append(svg('path', {class: 'grid', d: `M0,${top + ROW * row.first}H${width}`}));
+    if (k) drawn.append(svg('path', {class: 'grid', d: `M0,${top + ROW * lane.first}H${width}`}));
   });
   bars.forEach(bar => inner.append(...drawBar(bar, bars, top)));
   contacts.forEach((one, k) => {

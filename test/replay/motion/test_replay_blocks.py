@@ -21,7 +21,7 @@ from sat_collision.messages.ingest import Placement
 from sat_collision.replay.model.configuration import settings_of
 from sat_collision.replay.model.result import FootprintResult
 from sat_collision.replay.motion import contacts
-from sat_collision.replay.motion.walk import Motion
+from sat_collision.replay.motion.motion import RecordedMotion
 
 SHAPES = [box(0.0), [(0, 0), (2, 0), (0.5, 1)], [(0, 0), (1.5, 0.5)], [*box(0.0), (0.0, 0.0)],
           [(0, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)]]
@@ -69,7 +69,7 @@ def recorded(seed):
 def followed(found, together, alone=0):
     """Return results and motion of placements, some at a time after the first ones."""
     results = [FootprintResult(one.name, one.topic, True) for one in SETTINGS.footprints]
-    motion = Motion(SETTINGS, None, None, results)
+    motion = RecordedMotion(SETTINGS, None, None, results)
     motion.place(found[:alone])
     for k in range(alone, len(found), together):
         motion.place(found[k:k + together])
@@ -121,12 +121,12 @@ def test_first_sample_is_that_of_its_footprint():
 def test_most_steps_are_processed_together(monkeypatch):
     """Otherwise the tests above would test nothing."""
     answers = []
-    look = contacts.ContactTracker._look_together
+    decide = contacts.ContactTracker._decide_from_block
 
     def noting(*arguments):
-        answers.append(look(*arguments))
+        answers.append(decide(*arguments))
         return answers[-1]
-    monkeypatch.setattr(contacts.ContactTracker, '_look_together', noting)
+    monkeypatch.setattr(contacts.ContactTracker, '_decide_from_block', noting)
     for seed in range(8):
         decided(recorded(seed), 500)
     assert sum(answers) > 300

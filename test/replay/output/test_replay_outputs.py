@@ -38,7 +38,7 @@ from matplotlib.colors import to_hex  # noqa: E402, I100
 from matplotlib.patches import Rectangle  # noqa: E402
 from matplotlib.text import Text  # noqa: E402
 from sat_collision.replay.output.figure import draw_picture, write_picture  # noqa: E402
-from sat_collision.replay.output.text import RED, rows_of  # noqa: E402
+from sat_collision.replay.output.text import lanes_of, RED  # noqa: E402
 
 SECOND = 10**9
 WITHOUT_ROS = """
@@ -306,9 +306,9 @@ def test_overlapping_bars_have_their_own_rows(tmp_path):
         ('/obstacles', k / 10, box(-0.75 if 30 <= k < 60 or k > 80 else -4)),
         ('/obstacles', k / 10, []))]
     result = check(write(tmp_path / 'bag', messages), Options(keyframes=True))
-    row, = rows_of(result)
-    bars = sorted((bar.first, bar.row) for bar in row.bars if bar.contact)
-    assert [row for _, row in bars] == [0, 1, 0] and row.end == 2
+    lane, = lanes_of(result)
+    bars = sorted((bar.first, bar.row) for bar in lane.bars if bar.contact)
+    assert [row for _, row in bars] == [0, 1, 0] and lane.end == 2
 
 
 def test_short_contact_is_visible_on_a_long_axis():

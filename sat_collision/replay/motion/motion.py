@@ -32,8 +32,8 @@ from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.replay.model.result import (
     Contact, FootprintResult, joined, Unknown, Unknowns)
 from sat_collision.replay.motion.bodies import Block, Bodies, LONGEST
-from sat_collision.replay.motion.contacts import Contacts, ContactTracker
-from sat_collision.replay.motion.prediction import Prediction
+from sat_collision.replay.motion.contacts import ContactResults, ContactTracker
+from sat_collision.replay.motion.prediction import Predictor
 from sat_collision.replay.motion.tape import MotionTape
 from sat_collision.replay.motion.tracker import Emit, KeyTracker, SetTracker, Step, Tracker
 from sat_collision.replay.motion.trajectories import Poses, Trajectory
@@ -62,9 +62,9 @@ class Sweep:
         self._margin = margin
         self._keep = keep
         self.trajectory = Trajectory(settings)
-        self.contacts = Contacts(result, contacts, self.trajectory)
+        self.contacts = ContactResults(result, contacts, self.trajectory)
         self.prediction = (None if horizon is None
-                           else Prediction(settings, self.trajectory, horizon, margin))
+                           else Predictor(settings, self.trajectory, horizon, margin))
         self._contact_trackers: dict[Tracker, ContactTracker] = {}
 
     def describe(self, placements: Sequence[Placement]) -> list[Bodies]:
@@ -140,13 +140,13 @@ class Sweep:
         return over if latest is None else max(latest, over)
 
 
-class Motion:
+class RecordedMotion:
     """
     Decides whether footprints touched obstacles, from the placements in messages.
 
-    When footprints are unknown, the scene says. Results are filled in, and a tape for drawing, if
-    given. Footprints with an outline in the parameters are placed by transforms. Without a
-    horizon, in s, no collisions are predicted.
+    The scene tells when footprints are unknown. Results are filled in, and so is a tape for
+    drawing, if given. Footprints with an outline in the parameters are placed by transforms.
+    Without a horizon, in s, no collisions are predicted.
     """
 
     def __init__(self, settings: Settings, scene: Scene, transforms: TransformListener,

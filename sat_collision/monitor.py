@@ -24,6 +24,7 @@ from sat_collision.messages.ingest import Batch, Ingest, Placement, WAIT, Wait
 from sat_collision.messages.outlines import Commands, Outlines
 from sat_collision.messages.rejections import Rejection
 from sat_collision.messages.transform_listener import TransformListener
+from sat_collision.scene.frames import NoTransform
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import FootprintSettings, NEVER, ObstacleSettings, Settings
 from sat_collision.scene.streams import Endpoint
@@ -91,6 +92,7 @@ class Monitor:
         self.transforms.configure(settings)
         self.outlines.configure(settings)
         self.scene.update(settings)
+        self._request_maps(self._now)
         return self._follow(self._now)
 
     @property
@@ -177,18 +179,35 @@ class Monitor:
         rejections = self._follow(now)
         if self.waiting.earliest < NEVER:
             rejections += self.waiting.take(now)
+        self._request_maps(now)
         return rejections
+
+    def _request_maps(self, now: int) -> None:
+        """Request maps again that were refused for lack of a transform, once there is one."""
+        for name, (frame_id, stamp) in [*self.ingest.untransformed.items()]:
+            found = self.transforms.lookup_affine(frame_id, stamp, now, timeout=0.0)
+            if not isinstance(found, NoTransform):
+                del self.ingest.untransformed[name]
+                self.scene.request_history(name)
 
     def _follow(self, now: int) -> list[Rejection]:
         """Place the outlines that have moved, once there is a clock."""
         return self.outlines.follow(now) if now else []
 
     def _watch_clock(self, now: int) -> None:
-        """Drop transforms, waiting messages and places of outlines if the clock was set back."""
+        """
+        Drop transforms, waiting messages and places of outlines if the clock was set back.
+
+        When it starts, drop transforms of another clock: they would shut out those that follow.
+        """
         if now < self._now:
             self.transforms.clear()
-            self.waiting.drop()
             self.outlines.clear()
+            for name, item in self.waiting.drop():
+                if isinstance(item, list):
+                    self.scene.update_publishers(name, item)
+        elif now and not self._now:
+            self.transforms.drop_ahead(now)
         self._now = now
 
     def _admit(self, name: str, data: bytes, number: int | None,
@@ -269,10 +288,12 @@ class WaitingItems:
         self._find_earliest()
         return rejections
 
-    def drop(self) -> None:
-        """Drop all that waits."""
+    def drop(self) -> list[tuple[str, _Item]]:
+        """Drop all that waits; return the items with their names."""
+        dropped = [(name, item) for name, queue in self.queues.items() for item, _ in queue]
         self.queues.clear()
         self.earliest = NEVER
+        return dropped
 
     def _take_first(self, name: str, now: int, may_wait: bool,
                     rejections: list[Rejection]) -> bool:

@@ -150,13 +150,14 @@ LATER = START + 4000 * SECOND
      "it is in 'odom', the outline in 'base'; "),
     (command(1.0, stamp=LATER - SECOND), 'too old', 'its stamp is 1.100 s old, past the timeout '),
     (command(1.0, stamp=1), 'too old', 'more than an hour from the clock of this node'),
+    (command(1.0, stamp=-1), 'too old', 'more than an hour from the clock of this node'),
     (command(1.0, stamp=LATER + 9 * SECOND), 'from the future', 'its stamp is 8.900 s ahead of '),
     (command(1.0)[:-1], 'undecodable', 'ends before its twist does'),
     (command(1.0) + bytes(4), 'undecodable', '72 bytes where the contents need 68'),
     (b'', 'undecodable', "0 bytes that begin with '' are not a message"),
     (stamped(b'\0\1\0\0' + bytes(40)), 'undecodable', 'ends before its twist does')],
-    ids=['nan', 'infinite', 'too fast', 'frame', 'late', 'clock', 'future', 'cut off', 'too long',
-         'nothing', 'cut off Twist'])
+    ids=['nan', 'infinite', 'too fast', 'frame', 'late', 'clock', 'before 0', 'future', 'cut off',
+         'too long', 'nothing', 'cut off Twist'])
 def test_refused_command_makes_the_velocity_unknown(data, reason, detail):
     """The previous command no longer counts, since the robot may have accepted this one."""
     world = Driven(AHEAD, min_time_to_collision=2.5)

@@ -300,6 +300,36 @@ def test_change_of_publishers_waits_for_their_messages():
     assert 'has no publisher' in robot.monitor.scene.state('robot').reasons[0]
 
 
+def test_change_of_publishers_is_not_dropped_when_time_steps_back():
+    """It waits behind messages, which are dropped; the middleware reports it only once."""
+    robot = Robot(SETS)
+    robot.monitor.update_publishers('lidar', [Endpoint('a', '/a'), Endpoint('b', '/b')])
+    robot.see(box(9), 0.0, 'base', None)
+    robot.monitor.update_publishers('lidar', [Endpoint('a', '/a')])
+    assert 'has 2 publishers' in robot.scene.source_faults[0]
+    robot.wait_until(-5.0)
+    assert 'publishers' not in robot.scene.source_faults[0]
+
+
+@pytest.mark.parametrize('frame_id, topic, link', [
+    ('laser', TF, ('odom', 'base')), ('map', TF_STATIC, ('odom', 'map'))])
+def test_map_is_requested_again_once_its_transform_has_come(frame_id, topic, link):
+    """A latched map is sent only once, and at the start transforms may come later."""
+    robot = Robot(replace(SETTINGS, obstacles=(replace(SETTINGS.obstacles[0], timeout=0.0),)))
+    robot.see(box(9), 'none', frame_id)
+    robot.wait_until(5.0)
+    robot.see((), 'none', frame_id)
+    assert len(robot.reasons) == 1 and not robot.scene.wants_history('lidar')
+    robot.receive_transforms(TF, ('odom', 'elsewhere', robot.now, 0.0, 0.0))
+    assert not robot.scene.wants_history('lidar')
+    robot.receive_transforms(topic, (*link, robot.now, 0.0, 0.0))
+    assert robot.scene.wants_history('lidar')
+    robot.scene.renew('lidar')
+    robot.numbers['lidar'] = 0
+    robot.send_map('lidar', box(9))
+    assert not robot.scene.source_faults and not robot.scene.wants_history('lidar')
+
+
 def test_disabled_source_drops_waiting_messages(robot):
     robot.wait_until(1.05)
     robot.see(box(9), 1.05)
@@ -400,6 +430,11 @@ def test_memory_of_unknown_frames_is_bounded(robot):
             (f'odom{k}', f'frame{k}_{i}', robot.now, 0.0, 0.0) for i in range(100)))
     assert set(robot.reasons) == {'too many frames'}
     assert len(robot.monitor.transforms.rejected) <= 101
+    robot.rejections.clear()
+    for k in range(110):
+        robot.receive_transforms(TF, *(
+            (f'parent{k}_{i}', 'frame1_1', robot.now, 0.0, 0.0) for i in range(100)))
+    assert set(robot.reasons) == {'too many frames'}
     robot.wait_until(1.1)
     robot.move(1.1)
     assert robot.see(box(9), 1.1) is None and 'lidar' not in robot.monitor.waiting

@@ -17,7 +17,7 @@
 from dataclasses import replace
 import math
 
-from builders import box, odometry, SECOND, serialised
+from builders import box, odometry, SECOND, serialised, transforms
 from monitors import nanoseconds, START, World
 import pytest
 from sat_collision.messages.transform_listener import TF_STATIC
@@ -117,6 +117,21 @@ def test_outline_in_a_static_frame_never_expires():
         world.wait_until((world.monitor.deadline + 1 - START) / SECOND)
         assert world.status() == 'clear'
     assert world.time > 100 and world.scene.origin('robot') == ('base', None)
+
+
+@pytest.mark.parametrize('topic', [TF, TF_STATIC])
+@pytest.mark.parametrize('timeout', [0.0, 9.0])
+def test_corrected_transform_counts_at_once(timeout, topic):
+    """It has the stamp of the one before, or none that matters."""
+    world = OutlineWorld(replace(ROBOT, timeout=timeout))
+    for x in (1.0, 49.5):
+        world.wait_until(world.time + 0.1)
+        world.receive_transforms(topic, ('odom', 'base', START, x, 0.0))
+        assert world.bounds()[0] == x - 0.5
+    assert world.status() == 'collision'
+    received = world.monitor.received['robot']
+    world.receive_transforms(topic, ('odom', 'base', START, x, 0.0))
+    assert world.monitor.received['robot'] == received, 'it has not moved'
 
 
 def test_static_frame_without_a_timeout_has_no_deadline():
@@ -348,16 +363,16 @@ EVERY_INPUT = pytest.mark.parametrize('footprint', [PUBLISHED, ROBOT, BY_ODOMETR
 
 
 def place(world, time, x, ahead=0.0):
-    """Receive a pose of the robot, with a stamp ahead of the clock."""
+    """Receive a pose of the robot, with a stamp ahead of the clock, or (None) without one."""
     world.wait_until(time)
-    stamp = nanoseconds(time + ahead)
+    stamp = 0 if ahead is None else nanoseconds(time + ahead)
     footprint, = world.settings.footprints
     if footprint is ROBOT:
         world.receive_transforms(TF, ('odom', 'base', stamp, x, 0.0))
     elif footprint is BY_ODOMETRY:
         world.receive('robot', odometry('odom', 'base', stamp, x, 0.0))
     else:
-        world.send('robot', box(x - 0.5, -0.5), time + ahead)
+        world.send('robot', box(x - 0.5, -0.5), 'none' if ahead is None else time + ahead)
 
 
 @EVERY_INPUT
@@ -381,6 +396,28 @@ def test_pose_beyond_the_tolerance_is_refused(footprint):
     place(world, 0.2, 5.0, ahead=3600.0)
     place(world, 0.3, 3.0)
     assert world.bounds()[0] == 2.5 and len(world.rejections) == 1
+
+
+@EVERY_INPUT
+def test_pose_without_a_stamp_counts_as_of_its_arrival(footprint):
+    world = OutlineWorld(footprint)
+    for tenths in range(1, 15):
+        place(world, tenths / 10, float(tenths), ahead=None)
+        assert world.bounds()[0] == tenths - 0.5
+    world.wait_until(2.4)
+    assert (world.status(), world.state().age) == ('clear', 1.0)
+
+
+def test_pose_that_was_far_ahead_before_the_clock_began_does_not_block_later_ones():
+    """A publisher by the system's clock, which the simulation's clock does not know yet."""
+    world = OutlineWorld()
+    world.monitor = Monitor(world.settings, transforms=True)
+    world.scene = world.monitor.scene
+    pose = 'odom', 'base', START + 3600 * SECOND, 5.0, 0.0
+    world.monitor.receive_transforms(TF, transforms(pose), 0)
+    place(world, 0.1, 1.0)
+    place(world, 0.2, 2.0)
+    assert world.bounds()[0] == 1.5 and not world.rejections
 
 
 def test_transform_stamped_ahead_ages_from_its_arrival():

@@ -417,6 +417,19 @@ class PackedSet(PolygonSet):
         count: int = write_run(run, _NO_ARRAY, _NO_ROWS, 0, limit, self._array, 0.0)
         return count
 
+    def nearest_rows(self, boxes: Iterable[tuple[float, float, float, float]],
+                     most: int) -> list[int]:
+        """Return rows with a body, so many at most: those with bounds nearest to any box."""
+        rows = np.flatnonzero(self._rows.n[:self._used_rows])
+        min_x, min_y, max_x, max_y = (column[rows] for column in self._rows[:4])
+        distances = np.full(len(rows), np.inf)
+        for low_x, low_y, high_x, high_y in boxes:
+            x = np.maximum(min_x - high_x, low_x - max_x).clip(0.0)
+            y = np.maximum(min_y - high_y, low_y - max_y).clip(0.0)
+            distances = np.minimum(distances, np.hypot(x, y))
+        nearest: list[int] = rows[np.argsort(distances, kind='stable')[:most]].tolist()
+        return nearest
+
     def hide(self, rows: Sequence[int]) -> None:
         """Empty rows; each stays in use until it is filled again or removed."""
         self._rows.n[rows] = 0

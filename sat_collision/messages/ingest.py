@@ -139,6 +139,8 @@ class Ingest:
         self._with_ids = {source.name for source in settings.obstacles
                           if source.type == POLYGON_INSTANCE}
         self._packer = Packer(settings.max_vertices)
+        # By source of a map: frame and stamp of a message refused for lack of a transform.
+        self.untransformed: dict[str, tuple[str, int]] = {}
         # By source without ids, of the last obstacle accepted: the bytes before its point count,
         # the offset of the points in the message, its stamp, and the frame in which it was sent.
         self.headers: dict[str, tuple[bytes, int, int, str] | None] = {
@@ -214,6 +216,8 @@ class Ingest:
                 if isinstance(found, NoTransform):
                     if found.may_come and may_wait and stamp:
                         return WAIT
+                    if isinstance(settings, ObstacleSettings) and not settings.timeout:
+                        self.untransformed[name] = frame_id, stamp
                     return self.refuse(settings, found.reason, found.detail, now, stamp,
                                        instance, number)
                 affine, at = found

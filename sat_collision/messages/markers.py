@@ -62,6 +62,8 @@ _PLACES_AHEAD = 8
 _PERIODS = 3
 # Max obstacles whose contacts are drawn or published, as each costs time.
 MAX_CONTACTS = 50
+# Max obstacles drawn, as drawing must not hold up the flags.
+MAX_DRAWN = 1_000
 # Bodies with more pairs of parts are marked where they are deepest in each other.
 _MAX_PAIRS = 2_000
 # Bound of rounding errors, relative to the largest coordinate.
@@ -120,7 +122,8 @@ class Markers:
     `<name>/points` for each footprint and source of obstacles, of which id 1 has those in contact
     and id 0 the rest; `<footprint>/name` says its name and state. `contacts/...` show where bodies
     meet, and which way the footprint would have to move; `nearest/...` the nearest pair apart;
-    `<footprint>/ahead` its way to a contact that is predicted, and `<footprint>/time` when.
+    `<footprint>/ahead` its way to a contact that is predicted, and `<footprint>/time` when. Of
+    very many obstacles only the nearest are drawn, as `limit/text` says.
     """
 
     def __init__(self) -> None:
@@ -134,7 +137,8 @@ class Markers:
         self._markers = [Marker(action=Marker.DELETEALL)]
         self._markers[0].header.frame_id = scene.frame_id
         footprints = dict(scene.footprints)
-        obstacles = dict(scene.obstacles)
+        nearest = scene.nearest_obstacles(MAX_DRAWN)
+        obstacles = dict(nearest)
         bodies = chain[tuple[_Body, Polygon]](footprints.items(), obstacles.items())
         self._shapes = {body: self._shape(body, polygon) for body, polygon in bodies}
         states = {name: scene.state(name) for name in footprints}
@@ -150,6 +154,9 @@ class Markers:
             self._draw_ahead(name, scene.prediction(name))
         for name, state in states.items():
             self._name(name, state, scene.settings.margin)
+        if len(nearest) == MAX_DRAWN:
+            self._write('limit/text', _AMBER, next(iter(self._shapes.values())).polygon.bounds,
+                        f'the {MAX_DRAWN} nearest obstacles are drawn')
         self._draw_contacts(contact for name, state in states.items()
                             if state.status is Status.COLLISION
                             for contact in scene.contacts(name))

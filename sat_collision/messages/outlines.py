@@ -21,6 +21,7 @@ from collections.abc import Sequence
 from functools import partial
 import struct
 
+from sat_collision.geometry.polygon import Affine2D, UNMOVED
 from sat_collision.messages.cdr import (
     decode_command, decode_odometry, decode_twist, MessageError, Points)
 from sat_collision.messages.ingest import Ingest
@@ -103,10 +104,11 @@ class Outlines:
                 return None
             one.forget(found.reason)
             return self._ingest.refuse(settings, found.reason, found.detail, now)
-        if not one.is_moved(found.at, now):
+        if not one.is_moved(found, now):
             return None
         one.next = max(one.next, now) + one.period
-        one.stamp, one.is_static, one.fault = min(found.at or now, now), found.at is None, ''
+        one.stamp, one.affine, one.fault = min(found.at or now, now), found.affine, ''
+        one.is_static = found.at is None
         if not settings.odometry:
             self._received[settings.name] += 1
         return self._ingest.place(settings, one.points, found, now, partial(self._velocity, one))
@@ -157,8 +159,8 @@ class Commands:
         except MessageError as error:
             problem = UNDECODABLE, str(error)
         else:
-            time = stamp if 0 < stamp < now else now
-            age = (now - stamp) / 1e9 if now and stamp > 0 else 0.0
+            time = min(stamp or now, now)
+            age = (now - stamp) / 1e9 if now and stamp else 0.0
             if frame_id not in ('', footprint.frame_id):
                 problem = COMMAND_FRAME, (f'it is in {in_quotes(frame_id)}, the outline in '
                                           f'{in_quotes(footprint.frame_id)}')
@@ -197,8 +199,9 @@ class _PlacedOutline:
 
     def forget(self, fault: str = '') -> None:
         """Reset the pose."""
-        # The stamp of its last place, and whether its frame is static.
+        # The stamp of its last place, that place, and whether its frame is static.
         self.stamp: int | None = None
+        self.affine: Affine2D = UNMOVED
         self.is_static = False
         # When it is due again, and whether it may have moved when it was too soon to place it.
         self.next = 0
@@ -218,11 +221,12 @@ class _PlacedOutline:
         """Return whether it has had no place for longer than a timeout in ns."""
         return self.stamp is None and self._begun is not None and now > self._begun + timeout
 
-    def is_moved(self, at: int | None, now: int) -> bool:
-        """Return whether a place differs from the last one."""
+    def is_moved(self, found: Mapped, now: int) -> bool:
+        """Return whether a place is newer than the last one, or corrects it."""
         if self.stamp is None:
             return True
-        return now >= self._refreshed if at is None else at > self.stamp
+        is_newer = now >= self._refreshed if found.at is None else found.at > self.stamp
+        return is_newer or found.at in (None, self.stamp) and found.affine != self.affine
 
     def due(self, timeout: int) -> float:
         """Return when it must be checked even without a message, in ns."""

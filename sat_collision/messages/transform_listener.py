@@ -63,6 +63,10 @@ class TransformListener:
         """Forget all but the static frames: the clock was set back."""
         self.frames.clear()
 
+    def drop_ahead(self, now: int) -> None:
+        """Forget moving frames with transforms too far ahead of a clock that starts."""
+        self.frames.clear(after=now + self._tolerance)
+
     def receive(self, topic: str, data: bytes, now: int,
                 number: int | None = None) -> list[Rejection]:
         """Take a message of /tf or /tf_static, with its sequence number if known."""
@@ -77,6 +81,7 @@ class TransformListener:
         static = topic == TF_STATIC
         numbers = self._numbers
         for parent, child, stamp, transform in transforms:
+            stamp = stamp or now
             if now and stamp > now + self._tolerance and not static:
                 refusal: str | None = FROM_FUTURE
             else:
@@ -104,7 +109,8 @@ class TransformListener:
         if now and stamp > now + self._tolerance:
             return FROM_FUTURE, _ahead(child, stamp, now)
         # One that is ahead of the clock must not shut out those that follow.
-        refusal = self.frames.insert(parent, child, min(stamp, now) if now else stamp, transform)
+        stamp = min(stamp or now, now) if now else stamp
+        refusal = self.frames.insert(parent, child, stamp, transform)
         if refusal:
             return refusal, _detail(parent, child, transform)
         self.transforms += 1

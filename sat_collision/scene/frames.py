@@ -120,10 +120,16 @@ class Frames:
         self._maps: dict[tuple[str, str, int], Mapped] = {}
         self.configure(max_gap, max_tilt)
 
-    def clear(self) -> None:
-        """Forget all moving frames, as tf2 does; static ones are published only once."""
-        self._moving.clear()
-        self._parents = {parent for parent, _ in self._static.values()}
+    def clear(self, after: float = -NEVER) -> None:
+        """
+        Forget all moving frames, as tf2 does, or those with transforms after a time.
+
+        Static ones are published only once.
+        """
+        self._moving = {frame: track for frame, track in self._moving.items()
+                        if track.stamps[-1] <= after}
+        links = chain(self._static.values(), *(one.links for one in self._moving.values()))
+        self._parents = {parent for parent, _ in links}
         self._maps.clear()
 
     def configure(self, max_gap: float, max_tilt: float) -> None:
@@ -152,7 +158,8 @@ class Frames:
         if taken is None:
             return BAD_TRANSFORM
         if len(self._static) + len(self._moving) >= _MAX_FRAMES and not (
-                child in self._static or child in self._moving):
+                child in self._static or child in self._moving) or (
+                len(self._parents) >= _MAX_FRAMES and parent not in self._parents):
             return TOO_MANY_FRAMES
         link = parent, taken
         if static:

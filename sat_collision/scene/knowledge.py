@@ -32,6 +32,7 @@ from sat_collision.scene.settings import NEVER, ObstacleSettings
 from sat_collision.scene.streams import BEGUN, CONTINUES, JOINED, LOST, News
 
 LOSS = 'messages were lost'
+_CHANGED = 'its parameters were changed'
 
 # Max sets kept that are not whole, besides the last whole one.
 _MAX_SETS = 20
@@ -54,10 +55,11 @@ class _Listing:
     def __init__(self, store: ObstacleStore) -> None:
         self._store = store
         self.is_known = False  # whether all that the publisher sees is known
+        self.since = 'yet'  # when it began, as the end of a sentence
         self.wants_history = False  # whether a new subscription is needed for older messages
 
-    def configure(self, settings: ObstacleSettings) -> None:
-        """Apply the settings of the source."""
+    def configure(self, settings: ObstacleSettings, now: int) -> None:
+        """Apply the settings of the source; what others have proved may be proved no more."""
         self.timeout = round(settings.timeout * 1e9) or NEVER
         self.window = round(settings.set_window * 1e9)
         self.settle_time = round(settings.settle_time * 1e9)
@@ -111,6 +113,18 @@ class Sets(_Listing):
     @property
     def groups(self) -> Sequence[SetGroup]:
         return [one.group for one in self._sets]
+
+    def configure(self, settings: ObstacleSettings, now: int) -> None:
+        timeout, *before = self.timeout, self.window, self.max_count
+        super().configure(settings, now)
+        current = self.current
+        if current is None:
+            return
+        if [self.window, self.max_count] != before:
+            self.spoil(_CHANGED, now)
+        elif self.timeout > timeout and not current.is_whole:
+            # Some of it may have been too old.
+            current.is_begun = False
 
     def receive(self, news: News, stamp: int, time: int, now: int) -> SetGroup:
         current = self.current
@@ -183,7 +197,7 @@ class Sets(_Listing):
             return ''
         current = self.current
         if current is None:
-            return 'has not sent anything yet'
+            return f'has not sent anything {self.since}'
         if current.time + self.timeout < now:
             return f'has been silent for longer than {self._timeout_in_words}'
         if self._missed:
@@ -288,6 +302,13 @@ class Keys(_Keyed):
         self._since: float = NEVER
         self._last: float = -NEVER
 
+    def configure(self, settings: ObstacleSettings, now: int) -> None:
+        before = self.timeout
+        super().configure(settings, now)
+        if self._since < NEVER and self.timeout > before:
+            # What is sent less often than before, but often enough now, may have been forgotten.
+            self.spoil(_CHANGED, now)
+
     def receive(self, news: News, stamp: int, time: int, now: int) -> KeyedGroup:
         last = self._last
         if news is not CONTINUES or self._since == NEVER or last + self.timeout < now:
@@ -326,7 +347,7 @@ class Keys(_Keyed):
         if self.is_known:
             return ''
         if self._last == -NEVER:
-            return 'has not sent anything yet'
+            return f'has not sent anything {self.since}'
         if self._last + self.timeout < now:
             return f'has been silent for longer than {self._timeout_in_words}'
         since = f' since {self._cause}' if self._cause else ''

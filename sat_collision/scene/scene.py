@@ -51,6 +51,7 @@ _NO_SOURCE = 'no obstacle source is enabled'
 _NONE_OF_THEM = 'none of its obstacle sources is enabled'
 _NOT_RECEIVED = 'has not been received yet'
 _CHANGED = 'has not been received since its publisher changed'
+_CLOCK_WAS_SET_BACK = 'has not been received since the clock was set back'
 
 # An obstacle, its separation (m) from a footprint, and the closest points of the two.
 Nearest: TypeAlias = tuple[ObstacleId, float, Point, Point]
@@ -133,6 +134,7 @@ class Scene:
         for new in settings.footprints:
             footprint = self._footprints[new.name]
             if new.enabled != footprint.settings.enabled:
+                footprint.stream.interrupt()
                 self._invalidate(footprint, _NOT_RECEIVED)
             monitored = footprint.settings.obstacles
             footprint.configure(new)
@@ -172,7 +174,7 @@ class Scene:
             self._invalidate(footprint, f'is not in the frame {in_quotes(self.frame_id)}')
             self._evaluate()
             return OTHER_FRAME
-        time = stamp if 0 < stamp < now else now
+        time = stamp if stamp and stamp < now else now
         if footprint.time is not None and time < footprint.time and not (
                 footprint.stale or footprint.timeout == NEVER):
             return OVERTAKEN
@@ -201,7 +203,7 @@ class Scene:
     def track_obstacle(self, name: str, instance: int, vertices: Vertices, stamp: int,
                        now: int) -> None:
         """Track an obstacle just received that may move: its vertices in the order sent."""
-        self._sources[name].track(instance, stamp if 0 < stamp < now else now, vertices)
+        self._sources[name].track(instance, min(stamp or now, now), vertices)
 
     def command(self, name: str, command: Command) -> None:
         """Receive the velocity command of a footprint."""
@@ -260,7 +262,7 @@ class Scene:
             refusal = source.receive(None, frame_id, stamp, now, instance, number, OTHER_FRAME)
         else:
             refusal = source.receive(body, frame_id, stamp, now, instance, number)
-        due = (stamp if 0 < stamp < now else now) + source.timeout
+        due = (stamp if stamp and stamp < now else now) + source.timeout
         if due < self.deadline:
             self.deadline = due
         if source.faults is not faults or source.listing is not listing:
@@ -342,6 +344,10 @@ class Scene:
         source = self._sources.get(name)
         return source is not None and source.wants_history and not source.stream.faults()
 
+    def request_history(self, name: str) -> None:
+        """Request a map again of which something is missing, as it may be taken now."""
+        self._sources[name].request_history()
+
     def renew(self, name: str) -> None:
         """Start a source anew: a new subscription receives all that its publisher keeps."""
         self._sources[name].renew(self._now)
@@ -357,11 +363,12 @@ class Scene:
         """
         Let time pass: bodies become too old, sources fall silent, maps settle.
 
-        While messages may still be queued, `is_all_taken` is false and no map settles. A step
-        back (a recording starts again, a simulation is reset) drops all that depends on times.
+        No map settles because the clock starts, nor while messages may still be queued and
+        `is_all_taken` is false. A step back (a recording starts again, a simulation is reset)
+        drops all that depends on times.
         """
         last, self._now = self._now, now
-        if not is_all_taken:
+        if not (is_all_taken and last):
             for source in self._sources.values():
                 source.listing.wait(now)
         if 0 < last <= now <= self.deadline:
@@ -393,6 +400,13 @@ class Scene:
         """The (ObstacleId, Polygon) of every obstacle that is placed."""
         return [(obstacle.name, polygon) for source in self._sources.values()
                 for obstacle in source.store if (polygon := obstacle.polygon) is not None]
+
+    def nearest_obstacles(self, most: int) -> list[tuple[ObstacleId, Polygon]]:
+        """Return obstacles as `obstacles` does, so many at most: those nearest to footprints."""
+        rows = self._contacts.nearest_rows(most)
+        return [(obstacle.name, polygon) for source in self._sources.values()
+                for obstacle in source.store
+                if obstacle.row in rows and (polygon := obstacle.polygon) is not None]
 
     @property
     def source_faults(self) -> tuple[str, ...]:
@@ -506,7 +520,7 @@ class Scene:
         self.frame_id = self.settings.frame_id
         for footprint in self._footprints.values():
             footprint.set_back(now)
-            self._invalidate(footprint, _NOT_RECEIVED)
+            self._invalidate(footprint, _CLOCK_WAS_SET_BACK)
         for source in self._sources.values():
             source.set_back(now)
 

@@ -87,13 +87,21 @@ class Source:
         if settings.enabled != before.enabled:
             self.stream.interrupt()
             self._forget_all(now, wants_history=settings.enabled)
-        self.listing.configure(settings)
+        self.listing.configure(settings, now)
         self.pass_time(now)
+        if settings != before:
+            self.request_history()
 
     @property
     def wants_history(self) -> bool:
         """Whether the messages that a publisher keeps are needed again."""
         return self.listing.wants_history and self.settings.enabled
+
+    def request_history(self) -> None:
+        """Request a map again of which something is missing, as it may be taken now."""
+        if isinstance(self.listing, Maps) and (
+                not self.listing.is_known or self.store.refusals.total()):
+            self.listing.wants_history = True
 
     @property
     def deadline(self) -> float:
@@ -117,6 +125,7 @@ class Source:
             self.listing.wait(now)
         else:
             self._forget_all(now, wants_history=False)
+            self.listing.since = 'since the clock was set back'
         self._find_faults(now)
 
     def update_publishers(self, endpoints: Sequence[Endpoint], now: int) -> None:
@@ -146,7 +155,7 @@ class Source:
         if news is not CONTINUES or not stamp or type(self.listing) is not self._stamped:
             self._follow(news, stamp or None if is_end else stamp, now)
         listing = self.listing
-        time = stamp if stamp and 0 < stamp < now else now
+        time = stamp if stamp and stamp < now else now
         is_old = time + self.timeout < now
         if is_old or self._is_far:
             self._is_far = is_old and (self._is_far or now - time > FAR)
@@ -250,7 +259,7 @@ class Source:
             else:
                 group.clear()
         self.listing = kind(self.store)
-        self.listing.configure(self.settings)
+        self.listing.configure(self.settings, now)
         self.listing.wants_history = wants_history and kind is Maps
         self._drop_former()
 

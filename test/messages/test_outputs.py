@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 from sat_collision import Polygon
 from sat_collision.messages.interfaces import deserialize, Marker, PointCloud2, serialize, Time
-from sat_collision.messages.markers import clip, contact_marks, Labels, Markers
+from sat_collision.messages.markers import clip, contact_marks, Labels, Markers, MAX_DRAWN
 from sat_collision.messages.outputs import contact_cloud, MAX_CONTACTS
 from sat_collision.messages.states import coordinate_step, in_words
 from sat_collision.scene.footprints import State, Status
@@ -377,6 +377,25 @@ def test_removed_bodies_are_not_drawn(scene):
     assert not [ns for ns, _ in drawn(scene, markers) if ns.startswith('b/')]
     scene.pass_time(SECOND)
     assert drawn(scene, markers) == {}
+
+
+def test_only_the_nearest_of_very_many_obstacles_are_drawn(scene):
+    """Drawing all of them would hold up the flags; a text says so."""
+    place(scene, 'a', box(1000, 0))
+    place(scene, 'b', box(0, 100))
+    spots = [(x, 0) for x in range(MAX_DRAWN - 2)] + [(0, 90), (1000, 0.5)]
+    for spot in spots:
+        place(scene, 'map', [spot])
+    end(scene)
+    markers = drawn(scene)
+    text = markers.pop(('limit/text', 0)).text
+    assert text == f'the {MAX_DRAWN} nearest obstacles are drawn'
+    assert len(xy(markers['map/points', 0])) + len(xy(markers['map/points', 1])) == MAX_DRAWN
+    place(scene, 'people', [(5000, 0)])
+    place(scene, 'people', [(0, 95)])
+    markers = drawn(scene)
+    assert xy(markers['people/points', 0]).tolist() == [[0, 95]]
+    assert len(xy(markers['map/points', 0])) + len(xy(markers['map/points', 1])) == MAX_DRAWN - 1
 
 
 def test_points_of_unchanged_polygons_are_reused(scene):

@@ -85,6 +85,11 @@ def know_ids_at_once(patch):
     patch.setattr(Keys, 'receive', receive)
 
 
+def keep_what_another_timeout_has_proved(patch):
+    for listing in (Keys, Sets):
+        patch.delattr(listing, 'configure')
+
+
 def time_ids_by_arrival(patch):
     def receive(self, news, stamp, time, now, original=Keys.receive):
         return original(self, news, stamp, now, now)
@@ -241,6 +246,11 @@ WITNESSES = (
      'list:F · get:0 · list:FT · get:0 · end · second:start · news'),
     (know_ids_at_once, 'ids',
      'key:unreadable · key:refused · key:T · key:F · get:0 · get:0 · lose:0 · get:0'),
+    (keep_what_another_timeout_has_proved, 'ids',
+     'timeout · tick:3 · key:other · get:0 · tick · key:other · get:0 · timeout'),
+    (keep_what_another_timeout_has_proved, 'ended sets',
+     'end · second:namesake · second:end · timeout · news · start:b · list:FT · send · send '
+     '· tick:3 · tick · get:2 · news · tick · get:2 · timeout · get:2'),
     (time_ids_by_arrival, 'ids', 'key:old · get:0 · tick · tick · tick:3 · tick:3'),
     (forget_ids_by_time, 'ids', 'tick:3 · tick:3'),
     (ignore_losses_of_ids, 'ids', 'key:unreadable · key:old · lose:0 · get:0'),

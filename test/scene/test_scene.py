@@ -20,7 +20,9 @@ from builders import box, SECOND, serialised
 from sat_collision.monitor import Monitor
 from sat_collision.scene.footprints import Status
 from sat_collision.scene.obstacles import ObstacleId
+from sat_collision.scene.scene import OVERTAKEN
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
+from sat_collision.scene.sources import TOO_OLD as OLD_OBSTACLE
 from stage import (
     CART, clear_stage, LIDAR, NOT_RECEIVED, NOTHING_SENT, ROBOT, Stage, TOO_OLD, UNTIMED_LIDAR,
     UNTIMED_ROBOT)
@@ -116,9 +118,36 @@ def test_unknown_until_the_clock_starts():
     stage.start = 1000.0
     stage.wait_until(0.0)
     assert stage.scene.changes() == ['robot']
-    assert stage.state().reasons == (TOO_OLD,)
+    assert stage.state().reasons[0] == TOO_OLD
     stage.robot()
     assert stage.status() == 'collision'
+
+
+def test_map_does_not_settle_because_the_clock_starts():
+    """The rest of the map comes right after that."""
+    stage = Stage(UNTIMED_LIDAR, start=0.0)
+    stage.see(10)
+    stage.start = 1000.0
+    stage.wait_until(0.0)
+    stage.robot()
+    assert stage.status() == 'unknown'
+    stage.wait_until(1.0)
+    assert stage.status() == 'unknown'
+    stage.wait_until(1.001)
+    stage.robot()
+    assert stage.status() == 'clear'
+
+
+def test_stamp_before_0_is_old():
+    """Only 0 itself means that there is no stamp."""
+    stage = clear_stage()
+    assert stage.robot(1.0, stamp=-1005.0) == OVERTAKEN
+    assert stage.see(0.5, stamp=-1005.0) == OLD_OBSTACLE
+    stage.wait_until(2.001)
+    stage.robot(stamp=-1005.0)
+    assert stage.state().reasons == (
+        TOO_OLD, 'obstacle source lidar on /polygons has been silent for longer than its timeout '
+        'of 2 s')
 
 
 def test_step_back_in_time_drops_everything():
@@ -127,7 +156,9 @@ def test_step_back_in_time_drops_everything():
     stage.wait_until(-0.001)
     assert stage.scene.footprints == stage.scene.obstacles == []
     assert stage.status() == 'unknown'
-    assert stage.state().reasons == (NOT_RECEIVED, NOTHING_SENT)
+    assert stage.state().reasons == tuple(
+        reason.replace('yet', 'since the clock was set back')
+        for reason in (NOT_RECEIVED, NOTHING_SENT))
     stage.robot()
     stage.see(0.5)
     assert stage.status() == 'collision'
@@ -140,7 +171,8 @@ def test_step_back_is_noticed_by_the_first_message():
     stage.see(20)
     assert stage.held == {0: 20}
     assert stage.state().reasons == (
-        NOT_RECEIVED, 'obstacle source lidar on /polygons has not sent a whole set yet')
+        NOT_RECEIVED.replace('yet', 'since the clock was set back'),
+        'obstacle source lidar on /polygons has not sent a whole set yet')
 
 
 def test_nearest_obstacle():

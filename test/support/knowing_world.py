@@ -21,6 +21,7 @@ that it decides in each state whether the promises of a source hold: whether cle
 collision are right, and whether the source becomes known again.
 """
 
+from dataclasses import replace
 import math
 
 import numpy as np
@@ -217,6 +218,8 @@ class World:
             options.append('lease')
         if self.mode in ('ended sets', 'maps'):
             options.append('clock back')
+        if self.mode != 'maps':
+            options.append('timeout')
         return options
 
     def do(self, event):
@@ -255,6 +258,11 @@ class World:
         elif what == 'lease':
             for one in [one for one in self.graph if not one.is_alive]:
                 self._leave(one)
+        elif what == 'timeout':
+            # To one that is too short for this publisher, or back.
+            settings = self.source.settings
+            self.source.configure(
+                replace(settings, timeout=TIMEOUT * 1.5 - settings.timeout), self.now * SECOND)
         elif what == 'clock back':
             self.now -= 1
             self.source.set_back(self.now * SECOND)
@@ -384,8 +392,12 @@ class World:
 
     @property
     def is_clear(self):
-        """Whether the source gives no reason against clear."""
-        return not self.source.faults and all(self.bodies.placed.values())
+        """Whether the source gives no reason against clear, with the timeout that it needs."""
+        return self._has_timeout and not self.source.faults and all(self.bodies.placed.values())
+
+    @property
+    def _has_timeout(self):
+        return self.source.settings.timeout in (0.0, TIMEOUT)
 
     @property
     def prediction(self):
@@ -402,7 +414,7 @@ class World:
     def is_late(self):
         """Tell whether a time to collision is really late, or given while unknown."""
         found = self.prediction
-        if not found or not found.is_known or found.seconds == 0.0:
+        if not (self._has_timeout and found and found.is_known) or found.seconds == 0.0:
             return False
         if self.mode != 'ids':
             return not self.may_be_clear()
@@ -487,6 +499,8 @@ class World:
 
     def heals(self):
         """End all faults; return whether the source is soon known, and finally clear."""
+        if not self._has_timeout:
+            self.do('timeout')
         for one in self.publishers:
             one.queue.clear()
             if one.is_second and one.is_alive:

@@ -74,7 +74,8 @@ class SceneModel:
 
     def step_back(self, now):
         """Step back in time."""
-        self._footprints = dict.fromkeys(self._footprints, Place())
+        self._footprints = dict.fromkeys(self._footprints, Place(
+            fault='has not been received since the clock was set back'))
         for source in self._sources.values():
             source.step_back(now)
 

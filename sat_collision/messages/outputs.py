@@ -110,7 +110,7 @@ class Outputs:
         self._state_publisher = node.create_publisher(DiagnosticArray, '~/state', 10)
         self._markers = Markers()
         self._marker_publisher = node.create_publisher(MarkerArray, '~/markers', 1)
-        self._marker_message: Any = None
+        self._marker_message = b''
         # Whether that message is up to date; must be unset when a body has changed.
         self.markers_current = False
         self.configure(settings)
@@ -255,10 +255,10 @@ class Outputs:
                                       predictions[name])
         self._state_publisher.publish(self._states.message(stamp))
 
-    def publish_markers(self) -> None:
-        """Publish the markers if they have subscribers."""
+    def publish_markers(self, draws: bool = True) -> None:
+        """Publish the markers if they have subscribers: if it draws, anew where out of date."""
         if self.measures and self._marker_publisher.get_subscription_count():
-            if not self.markers_current:
-                self._marker_message = self._markers.message(self._scene)
+            if draws and not self.markers_current or not self._marker_message:
+                self._marker_message = serialize(self._markers.message(self._scene))
                 self.markers_current = True
             self._marker_publisher.publish(self._marker_message)

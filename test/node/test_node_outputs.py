@@ -17,6 +17,7 @@
 import itertools
 import math
 import re
+import time
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from harness import APART, box, LASTING, ROBOT, SECOND, to_ns, TOUCHING, values
@@ -78,6 +79,30 @@ def test_no_markers_are_made_without_a_subscriber(start, monkeypatch):
     assert count
     monitor.spin(0.3)
     assert len(calls) == count, 'nothing has changed since'
+
+
+def test_drawing_takes_no_more_than_a_tenth_of_the_time(start, monkeypatch):
+    """Of 10,000 obstacles it held up the flags; in between, the markers drawn last are sent."""
+    begun = []
+    message = Markers.message
+
+    def slow(*arguments):
+        begun.append(time.monotonic())
+        time.sleep(0.04)
+        return message(*arguments)
+
+    monkeypatch.setattr(Markers, 'message', slow)
+    monitor = start(**LASTING)
+    received = monitor.markers()
+
+    def is_drawn_often():
+        monitor.send('footprint', ROBOT)
+        monitor.spin(0.03)
+        return len(begun) > 3
+
+    monitor.until(is_drawn_often, 'markers of moving bodies')
+    assert min(np.diff(begun)) >= 0.4
+    assert len(received) > len(begun)
 
 
 def test_points_of_contact_are_published_to_subscribers(start, monkeypatch):

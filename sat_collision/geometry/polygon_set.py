@@ -418,8 +418,8 @@ class PackedSet(PolygonSet):
         return count
 
     def nearest_rows(self, boxes: Iterable[tuple[float, float, float, float]],
-                     most: int) -> list[int]:
-        """Return rows with a body, so many at most: those with bounds nearest to any box."""
+                     limit: int) -> list[int]:
+        """Return up to `limit` rows with a body: those whose bounds are nearest to any box."""
         rows = np.flatnonzero(self._rows.n[:self._used_rows])
         min_x, min_y, max_x, max_y = (column[rows] for column in self._rows[:4])
         distances = np.full(len(rows), np.inf)
@@ -427,7 +427,7 @@ class PackedSet(PolygonSet):
             x = np.maximum(min_x - high_x, low_x - max_x).clip(0.0)
             y = np.maximum(min_y - high_y, low_y - max_y).clip(0.0)
             distances = np.minimum(distances, np.hypot(x, y))
-        nearest: list[int] = rows[np.argsort(distances, kind='stable')[:most]].tolist()
+        nearest: list[int] = rows[np.argsort(distances, kind='stable')[:limit]].tolist()
         return nearest
 
     def hide(self, rows: Sequence[int]) -> None:

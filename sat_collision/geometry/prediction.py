@@ -43,7 +43,7 @@ from sat_collision.geometry.moving import STRIDE
 from sat_collision.geometry.plane import bounds_of, length, unit
 from sat_collision.geometry.predicates import UNDERFLOW_BOUND
 from sat_collision.geometry.scan import contains
-from sat_collision.geometry.sweep import double, first_contact_of_moving, limits
+from sat_collision.geometry.sweep import as_double, first_contact_of_moving, limits
 
 # Max angle by which a body turns in a piece, rad, unless that takes too many pieces.
 _TURN = 0.1
@@ -106,7 +106,7 @@ def motion_of(twist: ArrayLike, horizon: float, pose: ArrayLike, tolerance: floa
     """Return a `Motion` as an array; raise `ValueError` if a value is not valid."""
     vx, vy, turn = _finite(twist, 'twist', 'vx and vy in m/s, omega in rad/s').tolist()
     x, y, yaw = _finite(pose, 'pose', 'x and y in metres, yaw in rad').tolist()
-    if not horizon >= 0.0 or (horizon := double(horizon)) == math.inf:
+    if not horizon >= 0.0 or (horizon := as_double(horizon)) == math.inf:
         raise ValueError(f'horizon {horizon}, but it has to be 0 or more seconds, and finite')
     tolerance, margin = limits(tolerance, margin)
     if not math.isfinite((abs(vx) + abs(vy)) * horizon) or not math.isfinite(turn * horizon):

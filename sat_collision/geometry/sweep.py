@@ -112,15 +112,15 @@ def time_of_contact(a0: ArrayLike, a1: ArrayLike, b0: ArrayLike, b1: ArrayLike,
 
 def limits(tolerance: float, margin: float) -> tuple[float, float]:
     """Return tolerance and margin as doubles; raise `ValueError` if they are not valid."""
-    if not tolerance > 0.0 or not 0.0 < double(tolerance) < math.inf:
+    if not tolerance > 0.0 or not 0.0 < as_double(tolerance) < math.inf:
         raise ValueError(f'tolerance {tolerance}, but it has to be positive and finite')
-    if not margin >= 0.0 or double(margin) == math.inf:
+    if not margin >= 0.0 or as_double(margin) == math.inf:
         raise ValueError(f'margin {margin}, but it has to be 0 or more, and finite')
     # A kernel is compiled again for an integer.
-    return double(tolerance), double(margin)
+    return as_double(tolerance), as_double(margin)
 
 
-def double(value: float) -> float:
+def as_double(value: float) -> float:
     """Return a number of any type as a double, infinity if it is beyond the largest one."""
     try:
         return float(value)

@@ -256,7 +256,7 @@ class Outputs:
         self._state_publisher.publish(self._states.message(stamp))
 
     def publish_markers(self, draws: bool = True) -> None:
-        """Publish the markers if they have subscribers: if it draws, anew where out of date."""
+        """Publish the markers if they have subscribers: those drawn last unless it draws."""
         if self.measures and self._marker_publisher.get_subscription_count():
             if draws and not self.markers_current or not self._marker_message:
                 self._marker_message = serialize(self._markers.message(self._scene))

@@ -146,11 +146,11 @@ class Contacts:
             footprint.polygon, left_out + self._unmonitored(footprint))
         return found and (self._obstacles.bodies[found[0]], *found[1:])
 
-    def nearest_rows(self, most: int) -> set[int]:
-        """Return the rows of so many obstacles at most: those nearest to any footprint."""
+    def nearest_rows(self, limit: int) -> set[int]:
+        """Return the rows of up to `limit` obstacles: those nearest to any footprint."""
         return {*self._obstacles.polygons.nearest_rows(
             (polygon.bounds for one in self._footprints.bodies.values()
-             if (polygon := one.polygon) is not None), most)}
+             if (polygon := one.polygon) is not None), limit)}
 
     def first_contact(self, footprint: Footprint, velocity: Velocity, seconds: float,
                       moving: Mapping[Obstacle, Course] = {}) -> tuple[Obstacle, float] | None:

@@ -401,9 +401,9 @@ class Scene:
         return [(obstacle.name, polygon) for source in self._sources.values()
                 for obstacle in source.store if (polygon := obstacle.polygon) is not None]
 
-    def nearest_obstacles(self, most: int) -> list[tuple[ObstacleId, Polygon]]:
-        """Return obstacles as `obstacles` does, so many at most: those nearest to footprints."""
-        rows = self._contacts.nearest_rows(most)
+    def nearest_obstacles(self, limit: int) -> list[tuple[ObstacleId, Polygon]]:
+        """Return up to `limit` obstacles as `obstacles` does: those nearest to footprints."""
+        rows = self._contacts.nearest_rows(limit)
         return [(obstacle.name, polygon) for source in self._sources.values()
                 for obstacle in source.store
                 if obstacle.row in rows and (polygon := obstacle.polygon) is not None]

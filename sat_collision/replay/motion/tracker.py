@@ -222,8 +222,10 @@ class SetTracker(Tracker):
 
     def _is_in(self, extent: _Extent | None, placement: Placement) -> bool:
         """Return whether a placement is in the set of an extent, by the rules of `Sets`."""
-        if extent is None or placement.stamp == extent.last:
-            return extent is not None
+        if extent is None:
+            return False
+        if placement.stamp == extent.last:
+            return True
         return (not extent.is_ended and abs(placement.stamp - extent.start) <= self._window
                 and (placement.is_empty or extent.count < self._max_count))
 

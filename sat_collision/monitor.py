@@ -32,6 +32,8 @@ from sat_collision.scene.streams import Endpoint
 # Max messages that wait for transforms: of a footprint; of a source in multiples of max_count.
 _FOOTPRINTS_WAIT = 100
 _SETS_WAIT = 2
+# Max bytes of them.
+_BYTES_WAIT = 1 << 26
 _NOTHING: Sequence[Rejection] = ()
 
 # A queued item: a message and its number, or the publishers from then on.
@@ -82,13 +84,15 @@ class Monitor:
         self.outlines = Outlines(settings, self.ingest, self.transforms, self.received)
         self.commands = Commands(settings, self.ingest, self.scene)
         self.waiting = WaitingItems(self._take_waiting)
-        self.scene.waiting = self.waiting.queues
+        self._names_waiting: set[str] = set()
         self._timeout = round(settings.transform_timeout * 1e9)
+        self._tolerance = round(settings.future_tolerance * 1e9)
         self._now = 0
 
     def update(self, settings: Settings) -> list[Rejection]:
         """Apply changed settings, with the same names, topics and types."""
         self._timeout = round(settings.transform_timeout * 1e9)
+        self._tolerance = round(settings.future_tolerance * 1e9)
         self.transforms.configure(settings)
         self.outlines.configure(settings)
         self.scene.update(settings)
@@ -127,7 +131,7 @@ class Monitor:
         batch = Batch(messages, number) if name in self.ingest.headers else None
         taken = 0
         while taken < len(messages):
-            if batch and (run := self.ingest.take_run(name, batch, taken, now)):
+            if batch and name not in self.waiting and (run := self.ingest.take_run(name, batch, taken, now)):
                 taken += run
             else:
                 if refused := self._admit(name, messages[taken], number and number + taken, now):
@@ -142,9 +146,26 @@ class Monitor:
         Returns how many were taken. The next one must be received by itself.
         """
         self._watch_clock(now)
-        taken = self.ingest.take_run(name, batch, begin, now)
+        taken = 0 if name in self.waiting else self.ingest.take_run(name, batch, begin, now)
         self.received[name] += taken
         return taken
+
+    def receive_mixed(self, name: str, messages: Sequence[bytes],
+                      now: int) -> Sequence[Rejection]:
+        """
+        Receive messages while one more publisher was matched with the topic.
+
+        They may be of either, so obstacles count, but end and replace nothing.
+        """
+        is_source = name in self.scene.source_names
+        if is_source:
+            self.scene.mix(name, True)
+        rejections = self.receive_batch(name, messages, now)
+        if is_source:
+            self.scene.mix(name, False)
+        else:
+            self.scene.interrupt(name)
+        return rejections
 
     def update_publishers(self, name: str, endpoints: list[Endpoint]) -> None:
         """Update the publishers of a footprint or source, after the messages that wait for it."""
@@ -159,13 +180,13 @@ class Monitor:
         self._watch_clock(now)
         return self.transforms.receive(topic, data, now, number) + self._take_moved(now)
 
-    def advance(self, now: int, is_all_taken: bool = True) -> list[Rejection]:
+    def advance(self, now: int) -> list[Rejection]:
         """Let time pass, see `Scene.pass_time`, and refuse messages that waited too long."""
         self._watch_clock(now)
         rejections = self._follow(now) if self.outlines.deadline < now else []
         if self.waiting.earliest < now:
-            rejections += self.waiting.take(now)
-        self.scene.pass_time(now, is_all_taken)
+            rejections += self._take_waited(now)
+        self.scene.pass_time(now)
         return rejections
 
     @property
@@ -178,14 +199,28 @@ class Monitor:
         """Take messages whose transforms have arrived, and place outlines that have moved."""
         rejections = self._follow(now)
         if self.waiting.earliest < NEVER:
-            rejections += self.waiting.take(now)
+            rejections += self._take_waited(now)
         self._request_maps(now)
+        self.ingest.follow_maps(now)
         return rejections
+
+    def _take_waited(self, now: int) -> list[Rejection]:
+        """Take the messages that need not wait any more."""
+        rejections = self.waiting.take(now)
+        self._note_waiting()
+        return rejections
+
+    def _note_waiting(self) -> None:
+        """Tell the scene for which names messages wait."""
+        waiting = {*self.waiting.queues}
+        for name in waiting ^ self._names_waiting:
+            self.scene.wait(name, name in waiting)
+        self._names_waiting = waiting
 
     def _request_maps(self, now: int) -> None:
         """Request maps again that were refused for lack of a transform, once there is one."""
-        for name, (frame_id, stamp) in [*self.ingest.untransformed.items()]:
-            found = self.transforms.lookup_affine(frame_id, stamp, now, timeout=0.0)
+        for name, frame_id in [*self.ingest.untransformed.items()]:
+            found = self.transforms.lookup_affine(frame_id, 0, now, timeout=0.0)
             if not isinstance(found, NoTransform):
                 del self.ingest.untransformed[name]
                 self.scene.request_history(name)
@@ -200,15 +235,28 @@ class Monitor:
 
         When it starts, drop transforms of another clock: they would shut out those that follow.
         """
-        if now < self._now:
-            self.transforms.clear()
-            self.outlines.clear()
-            for name, item in self.waiting.drop():
-                if isinstance(item, list):
-                    self.scene.update_publishers(name, item)
+        if now < self._now - self._tolerance:
+            self._forget_times()
         elif now and not self._now:
             self.transforms.drop_ahead(now)
         self._now = now
+
+    def set_clock(self, now: int) -> None:
+        """Begin anew, because the clock was set: times of before are those of another one."""
+        if not self._now:
+            return
+        self._forget_times()
+        self._now = now
+        self.scene.set_clock(now)
+        self.scene.pass_time(now)
+
+    def _forget_times(self) -> None:
+        self.transforms.clear()
+        self.outlines.clear()
+        for name, item in self.waiting.drop():
+            if isinstance(item, list):
+                self.scene.update_publishers(name, item)
+        self._note_waiting()
 
     def _admit(self, name: str, data: bytes, number: int | None,
                now: int) -> Sequence[Rejection]:
@@ -224,6 +272,8 @@ class Monitor:
             outcome = self.ingest.take(settings, data, number, now)
             if outcome is not WAIT:
                 return [outcome] if outcome else _NOTHING
+        elif isinstance(settings, ObstacleSettings):
+            self.ingest.take_early(settings, data, now)
         return self._hold(settings, (data, number), now)
 
     def _hold(self, settings: FootprintSettings | ObstacleSettings, item: _Item,
@@ -231,7 +281,9 @@ class Monitor:
         """Queue a message, or publishers that apply after it."""
         limit = (_SETS_WAIT * settings.max_count if isinstance(settings, ObstacleSettings)
                  else _FOOTPRINTS_WAIT)
-        return self.waiting.add(settings.name, item, now, self._timeout, limit)
+        rejections = self.waiting.add(settings.name, item, now, self._timeout, limit)
+        self._note_waiting()
+        return rejections
 
     def _take_waiting(self, name: str, item: _Item, now: int,
                       may_wait: bool) -> Rejection | Wait | None:
@@ -258,6 +310,8 @@ class WaitingItems:
         self.queues: dict[str, deque[tuple[_Item, int]]] = {}
         # When the first of them must be taken.
         self.earliest = NEVER
+        # How many bytes wait, by name.
+        self._bytes: Counter[str] = Counter()
 
     def __contains__(self, name: object) -> bool:
         """Return whether something waits under this name."""
@@ -268,11 +322,12 @@ class WaitingItems:
         return {name: len(queue) for name, queue in self.queues.items()}
 
     def add(self, name: str, item: _Item, now: int, timeout: int, limit: int) -> list[Rejection]:
-        """Let an item wait; beyond `limit` items the oldest are taken at once."""
+        """Let an item wait; beyond `limit` items, or too many bytes, the oldest are taken."""
         queue = self.queues.setdefault(name, deque())
         queue.append((item, now + timeout))
+        self._bytes[name] += _size_of(item)
         rejections: list[Rejection] = []
-        while len(queue) > limit:
+        while len(queue) > limit or len(queue) > 1 and self._bytes[name] > _BYTES_WAIT:
             self._take_first(name, now, False, rejections)
         self._find_earliest()
         return rejections
@@ -292,6 +347,7 @@ class WaitingItems:
         """Drop all that waits; return the items with their names."""
         dropped = [(name, item) for name, queue in self.queues.items() for item, _ in queue]
         self.queues.clear()
+        self._bytes.clear()
         self.earliest = NEVER
         return dropped
 
@@ -302,10 +358,15 @@ class WaitingItems:
         outcome = self._take(name, queue[0][0], now, may_wait)
         if isinstance(outcome, Wait):
             return False
-        queue.popleft()
+        self._bytes[name] -= _size_of(queue.popleft()[0])
         if outcome is not None:
             rejections.append(outcome)
         return True
 
     def _find_earliest(self) -> None:
         self.earliest = min((queue[0][1] for queue in self.queues.values()), default=NEVER)
+
+
+def _size_of(item: _Item) -> int:
+    """Return how many bytes of a message an item has."""
+    return 0 if isinstance(item, list) else len(item[0])

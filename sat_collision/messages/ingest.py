@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 import enum
+from functools import partial
 from itertools import accumulate, pairwise
 from typing import Any, cast, NamedTuple, TypeAlias
 
@@ -37,7 +38,7 @@ from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.scene.frames import LONGEST_FRAME_ID, Mapped, NoTransform
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import (
-    CommandSettings, FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
+    CommandSettings, FootprintSettings, NEVER, ObstacleSettings, POLYGON_INSTANCE, Settings)
 from sat_collision.scene.velocity import Velocity
 
 # Max vertices that plain Python cuts into convex parts and measures in time, see
@@ -92,6 +93,7 @@ class Placement(NamedTuple):
     points: Points | RunPoints  # as received
     affine: Affine2D | None  # the map of the points to that frame, None if they are in it
     instance: int | None  # the obstacle's id, of a source that gives ids
+    listing: int = 0  # number of the listing that it joined; 0 where nothing ends a listing
 
     @property
     def is_empty(self) -> bool:
@@ -139,13 +141,15 @@ class Ingest:
         self._with_ids = {source.name for source in settings.obstacles
                           if source.type == POLYGON_INSTANCE}
         self._packer = Packer(settings.max_vertices)
-        # By source of a map: frame and stamp of a message refused for lack of a transform.
-        self.untransformed: dict[str, tuple[str, int]] = {}
+        # By source of a map: the frame of a message refused for lack of a transform.
+        self.untransformed: dict[str, str] = {}
         # By source without ids, of the last obstacle accepted: the bytes before its point count,
         # the offset of the points in the message, its stamp, and the frame in which it was sent.
         self.headers: dict[str, tuple[bytes, int, int, str] | None] = {
             source.name: None for source in settings.obstacles
             if source.type != POLYGON_INSTANCE}
+        # By source of a map, for each other frame in which it was sent: the affine map from there.
+        self._followed: dict[str, dict[str, Affine2D]] = {}
 
     def take_run(self, name: str, batch: Batch, begin: int, now: int) -> int:
         """
@@ -168,9 +172,9 @@ class Ingest:
             start, stamp = message[:len(start)], header_stamp(message)
         affine = None
         if self._transforms and frame_id != self._fixed:
-            found = self._transforms.lookup_affine(
-                frame_id, stamp, now, self._scene.settings_of(name).timeout)
-            if isinstance(found, NoTransform):
+            settings = self._scene.settings_of(name)
+            found = self._lookup(settings, frame_id, stamp, now)
+            if isinstance(found, NoTransform) or not settings.timeout:
                 return 0
             affine, frame_id = found.affine, self._fixed
         taken = self._scene.obstacle_run(
@@ -182,16 +186,18 @@ class Ingest:
         placements = self._placements
         if taken and placements is not None:
             first = begin
+            listing = self._scene.joined(name)
             if begin and placements and not placements[-1].is_empty and (
                     placements[-1].points[0] is batch.messages[begin - 1]) and (
-                    placements[-1].stamp == stamp):
+                    (placements[-1].stamp, placements[-1].listing) == (stamp, listing)):
                 # The run begins with the message before, which has the same header.
                 placements.pop()
                 first -= 1
             if first or begin + taken < len(batch.messages):
                 batch = Batch(batch.messages[first:begin + taken])
             placements.append(Placement(name, stamp, True, frame_id,
-                                        (batch.data, batch.ends, points_at), affine, None))
+                                        (batch.data, batch.ends, points_at), affine, None,
+                                        listing))
         return taken
 
     def take(self, settings: FootprintSettings | ObstacleSettings, data: bytes,
@@ -203,21 +209,21 @@ class Ingest:
             stamp, sent_in, points, instance = decode(data, name in self._with_ids)
             frame_id = sent_in
             affine: Affine2D | None = None
-            if not frame_id:
+            if not frame_id and points[2]:
                 return self.refuse(settings, EMPTY_FRAME_ID, 'its header names no frame', now,
                                    stamp, instance, number)
             if len(frame_id) > LONGEST_FRAME_ID:
                 return self.refuse(
                     settings, LONG_FRAME_ID, f'{len(frame_id)} characters where '
                     f'{LONGEST_FRAME_ID} are accepted', now, stamp, instance, number)
-            origin = None
+            origin = sent = None
             if self._transforms and frame_id != self._fixed and points[2]:
-                found = self._transforms.lookup_affine(frame_id, stamp, now, settings.timeout)
+                found = self._lookup(settings, frame_id, stamp, now)
                 if isinstance(found, NoTransform):
                     if found.may_come and may_wait and stamp:
                         return WAIT
                     if isinstance(settings, ObstacleSettings) and not settings.timeout:
-                        self.untransformed[name] = frame_id, stamp
+                        self.untransformed[name] = frame_id
                     return self.refuse(settings, found.reason, found.detail, now, stamp,
                                        instance, number)
                 affine, at = found
@@ -229,7 +235,11 @@ class Ingest:
                     scene.track(name, vertices_of(points, affine))
             else:
                 obstacle = self._packer.pack(points, affine or UNMOVED) if points[2] else None
-                refusal = scene.obstacle(name, obstacle, frame_id, stamp, now, instance, number)
+                if affine and not settings.timeout:
+                    sent = sent_in, points
+                    self._followed.setdefault(name, {})[sent_in] = affine
+                refusal = scene.obstacle(name, obstacle, frame_id, stamp, now, instance, number,
+                                         sent)
                 if settings.moving and obstacle and instance is not None and refusal is None:
                     scene.track_obstacle(name, instance, vertices_of(points, affine), stamp, now)
         except MessageError as error:
@@ -240,12 +250,64 @@ class Ingest:
         if refusal is None:
             if self._placements is not None:
                 self._placements.append(Placement(
-                    name, stamp or now, stamp != 0, frame_id, points, affine, instance))
+                    name, stamp or now, stamp != 0, frame_id, points, affine, instance,
+                    scene.joined(name)))
             if name in self.headers and points[2] and points[0] is data:
                 self.headers[name] = data[:points[1] - COUNT_SIZE], points[1], stamp, sent_in
             return None
         return self.reject(settings, refusal, detail_of(
             refusal, frame_id, scene.frame_id, (now - stamp) / 1e9, settings.timeout))
+
+    def take_early(self, settings: ObstacleSettings, data: bytes, now: int) -> None:
+        """Let an obstacle count that waits behind a message without a transform."""
+        try:
+            stamp, frame_id, points, _ = decode(data, settings.name in self._with_ids)
+            affine = UNMOVED
+            if frame_id != self._fixed:
+                found = self._lookup(settings, frame_id, stamp, now)
+                if isinstance(found, NoTransform):
+                    return
+                affine = found.affine
+            if points[2]:
+                self._scene.receive_early(settings.name, self._packer.pack(points, affine),
+                                          self._fixed, stamp)
+        except (MessageError, PolygonError):
+            # It is refused when it has waited.
+            pass
+
+    def follow_maps(self, now: int) -> None:
+        """Place maps anew whose frames have moved; one whose frame is not known is not known."""
+        for name, affines in self._followed.items():
+            fault, deadline = '', NEVER
+            timeout = self._scene.footprint_timeout(name) * 1e9 or NEVER
+            for frame_id in self._scene.map_frames(name):
+                found = self._lookup(self._scene.settings_of(name), frame_id, now, now)
+                if isinstance(found, NoTransform):
+                    fault = f'is a map in another frame: {found.detail}'
+                    continue
+                if found.at is not None:
+                    deadline = min(deadline, found.at + timeout)
+                if found.affine != affines.get(frame_id):
+                    affines[frame_id] = found.affine
+                    self._scene.follow_frame(name, frame_id,
+                                             partial(self._body_at, found.affine))
+            self._scene.limit_frames(name, fault, deadline)
+
+    def _body_at(self, affine: Affine2D, sent: tuple[str, Points]) -> PackedBody | None:
+        """Return a body of a map in its frame as it is now, None if that is not valid."""
+        try:
+            return self._packer.pack(sent[1], affine)
+        except PolygonError:
+            return None
+
+    def _lookup(self, settings: FootprintSettings | ObstacleSettings, frame_id: str, stamp: int,
+                now: int) -> Mapped | NoTransform:
+        """Return the map of a message to the fixed frame; a map follows its frame."""
+        assert self._transforms
+        if isinstance(settings, ObstacleSettings) and not settings.timeout:
+            return self._transforms.lookup_affine(
+                frame_id, 0, now, self._scene.footprint_timeout(settings.name))
+        return self._transforms.lookup_affine(frame_id, stamp, now, settings.timeout)
 
     def place(self, settings: FootprintSettings, points: Points, found: Mapped, now: int,
               velocity_at: Callable[[Mapped], Velocity | None]) -> Rejection | None:

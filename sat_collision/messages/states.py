@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -81,7 +81,7 @@ class States:
             footprint.name: DiagnosticStatus(name=f'{node_name}: {footprint.name}',
                                              hardware_id=footprint.topic)
             for footprint in settings.footprints}
-        keys = _MOVING if moving else ()
+        keys = (*_MOVING, *(f'source {one.name}' for one in settings.obstacles)) if moving else ()
         self._moving = {name: [KeyValue(key=key) for key in keys] for name in self._statuses}
         self._unwritten = set(self._statuses)
         self._contacts: dict[str, tuple[ObstacleId, ...]] = dict.fromkeys(self._statuses, ())
@@ -135,12 +135,14 @@ class States:
 
     def write_moving(self, name: str, age: float | None, nearest: Nearest | None,
                      newer: Mapping[ObstacleId, float], origin: tuple[str, float | None],
-                     velocity: Velocity | str, prediction: Prediction | None) -> None:
+                     velocity: Velocity | str, prediction: Prediction | None,
+                     sources: Sequence[str]) -> None:
         """
         Write the values that change all the time, as the methods of a Scene return them.
 
         The age is in s since the footprint's stamp; `newer` says by how many s the nearest
-        obstacle, and each in contact, is newer than the footprint.
+        obstacle, and each in contact, is newer than the footprint; `sources` what is known of
+        each source.
         """
         frame_id, transform_age = origin
         if isinstance(velocity, str):
@@ -160,7 +162,7 @@ class States:
             f'{prediction.seconds:.3f}' if prediction and is_known else '',
             str(prediction.obstacle or '') if prediction and is_known else '',
             motion,
-            ', '.join(map(str, prediction.unknown)) if prediction else '')
+            ', '.join(map(str, prediction.unknown)) if prediction else '', *sources)
         for value, text in zip(self._moving[name], texts):
             value.value = text
 

@@ -26,6 +26,7 @@ import rclpy
 from rclpy.clock import JumpThreshold, TimeJump
 from rclpy.context import Context
 from rclpy.duration import Duration
+from rclpy.event_handler import QoSSubscriptionMatchedInfo
 from rclpy.logging import (
     get_logger, get_logger_effective_level, get_logger_level, LoggingSeverity, set_logger_level)
 from rclpy.node import Node
@@ -94,9 +95,7 @@ class FootprintMonitor(Node):
         self._preparation = Preparation(self.get_logger().info, self.get_logger().warning)
         self._prepare(settings)
         self._choose_clock()
-        self._clock_changes = self.get_clock().create_jump_callback(
-            JumpThreshold(min_forward=None, min_backward=None, on_clock_change=True),
-            post_callback=self._choose_clock)
+        self._watch_jumps(settings.future_tolerance)
         transforms = transform_type(self, settings)
         self._monitor = Monitor(settings, transforms is not None)
         self._scene = self._monitor.scene
@@ -106,7 +105,7 @@ class FootprintMonitor(Node):
                                      'problem of kernels': kernel_problem() or 'none'})
         self._logged: dict[tuple[str, str], float] = {}
         taken_by = Reserved()
-        self._inputs = Subscriptions(self, settings, taken_by, self._health)
+        self._inputs = Subscriptions(self, settings, taken_by, self._health, self.note_matched)
         transform_inputs = transforms and subscribe_transforms(self, transforms, taken_by)
         self._reports_unknown_at = time.monotonic() + _STARTED
         self._clock_watch = ClockWatch()
@@ -139,11 +138,24 @@ class FootprintMonitor(Node):
         """Apply changed parameters and publish what follows from them."""
         self._prepare(settings)
         self._set_rates(settings)
+        self._jumps.unregister()
+        self._watch_jumps(settings.future_tolerance)
         self._log(self._monitor.update(settings))
         self._outputs.configure(settings)
         self._outputs.publish()
 
-    def _choose_clock(self, jump: TimeJump | None = None) -> None:
+    def _watch_jumps(self, tolerance: float) -> None:
+        """Notice where the simulated clock steps by more than a tolerance in s, or begins."""
+        self._is_clock_set = False
+        self._jumps = self.get_clock().create_jump_callback(
+            JumpThreshold(min_forward=Duration(seconds=tolerance), min_backward=None,
+                          on_clock_change=True), post_callback=self._on_jump)
+
+    def _on_jump(self, jump: TimeJump) -> None:
+        self._choose_clock()
+        self._is_clock_set = True
+
+    def _choose_clock(self) -> None:
         """Set `present`, which the loop calls each turn, to read the system or simulated clock."""
         clock = self.get_clock()
         self.present: Callable[[], int] = time.time_ns
@@ -168,6 +180,23 @@ class FootprintMonitor(Node):
         if endpoints is not None:
             self._monitor.update_publishers(name, endpoints)
 
+    def note_matched(self, name: str, event: QoSSubscriptionMatchedInfo) -> bool:
+        """Record matched publishers; begin anew where one came; return whether one did."""
+        if not (event.total_count_change or event.current_count_change):
+            return False
+        self._inputs.publishers.note_matched(name, event)
+        if not event.total_count_change:
+            return False
+        endpoints = self._inputs.publishers.at_beginning(name)
+        if endpoints is not None:
+            self._monitor.update_publishers(name, endpoints)
+        self._scene.interrupt(name)
+        return True
+
+    def receive_mixed(self, name: str, messages: Sequence[bytes], now: int) -> None:
+        """Receive messages of any publisher, as `Monitor` does."""
+        self._log(self._monitor.receive_mixed(name, messages, now))
+
     def end_batch(self, messages: int, seconds: float) -> None:
         """Publish what a batch of messages changed, which took `seconds` to process."""
         self._publish_changes()
@@ -184,17 +213,21 @@ class FootprintMonitor(Node):
         return min(max(steady + until, self._ticked + _SHORTEST_TICK),
                    self._ticked + self._tick_period)
 
-    def tick(self, now: int, is_all_taken: bool) -> None:
+    def tick(self, now: int) -> None:
         """Do what is due by time alone."""
         self._ticked = steady = time.monotonic()
         self._systemd.turned()
         goes_on = self._watchdog.turned()
         if goes_on:
-            # `now` may have been read before the stall, and messages may still be queued.
-            now, is_all_taken = self.present(), False
+            # `now` may have been read before the stall.
+            now = self.present()
         if self._looking.due(steady) or goes_on:
             self._look_around(now, steady)
-        self._log(self._monitor.advance(now, is_all_taken))
+        if self._clock_watch.steps(now, steady, self._scene.settings.future_tolerance,
+                                   self.get_clock().ros_time_is_active) or self._is_clock_set:
+            self._is_clock_set = False
+            self._monitor.set_clock(now)
+        self._log(self._monitor.advance(now))
         self._publish_changes()
         if self._publishing.due(steady) or goes_on:
             self._outputs.publish()
@@ -258,6 +291,9 @@ class FootprintMonitor(Node):
                    if footprint.enabled for reason in self._scene.unknown_reasons(footprint.name)}
         for reason in sorted(reasons):
             self.get_logger().warning(f'unknown since the start: {reason}')
+        for _, advice in self._scene.source_summaries:
+            if advice:
+                self.get_logger().info(advice)
 
     def _log(self, rejections: Iterable[Rejection]) -> None:
         """Log rejected messages, once a second at most for each source and reason."""

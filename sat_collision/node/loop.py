@@ -32,6 +32,8 @@ from typing import Any, NamedTuple, Protocol
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.event_handler import QoSSubscriptionMatchedInfo
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 from sat_collision.node.waiting import Waiting
@@ -55,9 +57,7 @@ _MAX_TOGETHER = 64
 _MAX_BYTES = 8192
 # The middleware's key for the sequence number of a message among those of its publisher.
 _NUMBER = 'publication_sequence_number'
-# If a tick is later than this, in s, the process was held up, and messages sent meanwhile may not
-# be in the queues yet.
-HELD_UP = 0.03
+QoSSubscriptionEventType = rclpy_implementation.rcl_subscription_event_type_t
 
 
 class Backlog(NamedTuple):
@@ -82,6 +82,16 @@ class Receiver(Protocol):
     def begin_stream(self, name: str) -> None:
         """Record that the next message of an input is the first of its publisher."""
 
+    def note_matched(self, name: str, event: QoSSubscriptionMatchedInfo) -> bool:
+        """
+        Record how many publishers are matched with an input; return whether one came or went.
+
+        Called before and after the messages of each batch are taken.
+        """
+
+    def receive_mixed(self, name: str, messages: Sequence[bytes], now: int) -> None:
+        """Receive messages of any publisher: one was matched while they were taken."""
+
     def end_batch(self, messages: int, seconds: float) -> None:
         """Publish what a batch of messages changed, which took `seconds` to process."""
 
@@ -95,13 +105,8 @@ class Receiver(Protocol):
         `steady` is what that clock reads at `now`, in ns by the clock of the header stamps.
         """
 
-    def tick(self, now: int, is_all_taken: bool) -> None:
-        """
-        Do what is due by time alone.
-
-        `now` was read before the messages of this turn were taken, and `is_all_taken` tells
-        whether all messages sent until then have been received.
-        """
+    def tick(self, now: int) -> None:
+        """Do what is due by time alone; `now` was read before the messages of this turn."""
 
     def present(self) -> int:
         """Return the present time in ns by the clock of the header stamps."""
@@ -120,6 +125,15 @@ class Input:
     subscription: Subscription
     ends_rest: bool = False
     topic: str = ''
+
+    def matched(self) -> QoSSubscriptionMatchedInfo | None:
+        """Return how the matched publishers have changed since this was last read, if known."""
+        for handler in self.subscription.event_handlers:
+            if handler.event_type == QoSSubscriptionEventType.RCL_SUBSCRIPTION_MATCHED:
+                # Its status can be read at any time, not only when a wait set reports it.
+                handler._ready_to_take_data = True
+                return handler.take_data()
+        return None
 
 
 class Reserved(CallbackGroup):
@@ -177,7 +191,6 @@ class Loop:
         self._is_behind = False
         self._looks_at_others = True
         self._next_tick = 0.0
-        self._was_held_up = False
         self._taken = 0
         # How many of these could end a rest, and whether they are few enough to do so.
         self._taken_at_once = 0
@@ -238,8 +251,7 @@ class Loop:
             waiting.is_service_called = False
             self._executor.spin_once(0.0)
         if late >= 0.0:
-            self._was_held_up = late > HELD_UP and not self._was_held_up
-            self._receiver.tick(present, not (self._was_held_up or self._is_behind))
+            self._receiver.tick(present)
             self._choose_rest(time.monotonic())
             self._looks_at_others = True
         if taken or late >= 0.0:
@@ -305,6 +317,7 @@ class _Topic:
         self.ends_rest = one.ends_rest
         self._name = one.name
         self._receiver = receiver
+        self._matched = one.matched
         self._depth = one.subscription.qos_profile.depth
         self._take: Callable[[], tuple[bytes, dict[str, Any]] | None] = partial(
             one.subscription.handle.take_message, one.subscription.msg_type, True)
@@ -347,6 +360,7 @@ class _Topic:
 
     def take_batch(self, limit: int, now: int) -> int:
         """Pass consecutive messages to the receiver, up to a limit; return how many."""
+        self._has_new_publisher()
         taken, self._next = self._next or self._take(), None
         batch: list[bytes] = []
         size = 0
@@ -369,9 +383,16 @@ class _Topic:
                 number += 1
             taken = self._take()
         self._is_empty = taken is None
-        if batch:
+        if batch and self._has_new_publisher():
+            self._receiver.receive_mixed(self._name, batch, now)
+        elif batch:
             self._receiver.receive(self._name, batch, now, first)
         return len(batch)
+
+    def _has_new_publisher(self) -> bool:
+        """Return whether a publisher was matched since this was last called."""
+        event = self._matched()
+        return event is not None and self._receiver.note_matched(self._name, event)
 
     def _backlog(self, count: int) -> Backlog:
         """Return how far behind the last message is, and how many wait, judging by their rate."""

@@ -18,12 +18,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from typing import TypeAlias
 
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped, Twist, TwistStamped
 from rclpy.callback_groups import CallbackGroup
 from rclpy.event_handler import (
     QoSLivelinessChangedInfo, QoSRequestedDeadlineMissedInfo, QoSRequestedIncompatibleQoSInfo,
-    SubscriptionEventCallbacks)
+    QoSSubscriptionMatchedInfo, SubscriptionEventCallbacks)
 from rclpy.node import Node
 from rclpy.qos import (
     qos_policy_name_from_kind, QoSDurabilityPolicy, QoSPolicyKind, QoSProfile,
@@ -53,6 +54,9 @@ _COMMAND_TYPES = {'geometry_msgs/msg/Twist': Twist, 'geometry_msgs/msg/TwistStam
 # Only the last command counts, and nothing depends on having received all of them.
 _COMMAND_QOS = QoSProfile(depth=1, reliability=QoSReliabilityPolicy.BEST_EFFORT)
 
+# Takes the name of an input and how its matched publishers have changed.
+NoteMatched: TypeAlias = Callable[[str, QoSSubscriptionMatchedInfo], object]
+
 
 class Subscriptions:
     """
@@ -66,10 +70,11 @@ class Subscriptions:
     """
 
     def __init__(self, node: Node, settings: Settings, group: CallbackGroup,
-                 health: Health) -> None:
+                 health: Health, note_matched: NoteMatched) -> None:
         self._node = node
         self._group = group
         self._health = health
+        self._note_matched = note_matched
         self.inputs: list[Input] = []
         self._create: dict[str, Callable[[], Subscription]] = {}
         for footprint in settings.footprints:
@@ -103,7 +108,7 @@ class Subscriptions:
             incompatible_qos=partial(self._report_incompatible_qos, source.topic),
             deadline=partial(self._count_missed_deadlines, source.topic),
             liveliness=partial(self._note_liveliness, source),
-            matched=lambda event: self.publishers.note_matched(source.name, event))
+            matched=partial(self._note_matched, source.name))
         # The settings have the remapped name, which must not be remapped again.
         topic = self._node.get_parameter(f'{source.name}.{parameter}').value
         self._create[source.name] = create = partial(

@@ -148,11 +148,23 @@ class Every:
 
 
 class ClockWatch:
-    """Detects that a clock stands still, by comparison with another one that runs."""
+    """Detects that a clock stands still or is set, by comparison with a steady one."""
 
     def __init__(self) -> None:
         self._reading: int | None = None
         self._since = 0.0
+        # By how much the clock was ahead of the steady one, in s.
+        self._ahead: float | None = None
+
+    def steps(self, reading: int, now: float, tolerance: float, is_simulated: bool) -> bool:
+        """
+        Return whether the clock was set by more than a tolerance in s since the last call.
+
+        `now` is the time of the steady clock in s. A simulated clock may run at any rate.
+        """
+        before, self._ahead = self._ahead, None if is_simulated else reading / 1e9 - now
+        return before is not None and self._ahead is not None and (
+            abs(self._ahead - before) > tolerance)
 
     def stands(self, reading: int, now: float, timeout: float) -> bool:
         """

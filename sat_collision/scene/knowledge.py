@@ -15,58 +15,106 @@
 """
 Whether all obstacles that a source sends are known.
 
-Every state "clear" depends on this. `Sets`, `Keys` and `Maps` are three ways to list all that a
-publisher sees, and decide when such a listing is whole: by stamps and by sequence numbers, as
-`streams` interprets them, never by bodies. The bodies are in groups of obstacles, which a listing
-fills and drops. All three receive the meaning of a message's number, its stamp, the time from
-which it counts and the present time, in ns. docs/knowing.md has the guarantees, and why they hold.
+Every state "clear" depends on this. `Listings` replace each other where `set_end` declares what
+ends one. `Refreshed` obstacles are forgotten when a publisher that is alive has not sent them
+again for a timeout. Order says what belongs together; stamps only say how old it is. The bodies
+are in groups of obstacles, which a listing fills and drops. docs/knowing.md has the rules, and why
+they hold. Times and stamps are in ns.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
-from sat_collision.scene.obstacle_store import KeyedGroup, ObstacleStore, SetGroup
-from sat_collision.scene.settings import NEVER, ObstacleSettings
+from sat_collision.geometry.polygon import PackedBody
+from sat_collision.scene.obstacle_store import ObstacleGroup, ObstacleStore, SetGroup, TOO_MANY
+from sat_collision.scene.settings import (
+    EACH_MESSAGE, EMPTY_POLYGON, NEVER, NEW_STAMP, ObstacleSettings, POLYGON_INSTANCE)
 from sat_collision.scene.streams import BEGUN, CONTINUES, JOINED, LOST, News
 
 LOSS = 'messages were lost'
 _CHANGED = 'its parameters were changed'
+_FROM_MIDDLE = 'it was received from its middle on'
+_GAP = 'nothing came for longer than its timeout'
 
-# Max sets kept that are not whole, besides the last whole one.
-_MAX_SETS = 20
+# Max listings kept that are not whole.
+_MAX_NEWER = 20
+# For how long a map stays known while the next one is being received.
+_LONGEST_OPEN = 10**9
+# Obstacles stamped in the same one of so many parts of a timeout are forgotten together.
+_PARTS = 32
+# The rate of listings is measured over so many.
+_MEASURED = 10
 
 
-class _Listing:
+class Message(NamedTuple):
+    """A message of a source as knowledge receives it."""
+
+    news: News  # the meaning of its number
+    stamp: int  # as sent, the time of arrival if it has none
+    time: int  # that it counts from: the stamp, or the arrival if that is earlier
+    is_stamped: bool
+    body: PackedBody | None = None  # None for an empty polygon, and if it is refused
+    frame_id: str = ''
+    refusal: str | None = None  # why it is refused
+    instance: int | None = None  # the obstacle's id, of a source that gives ids
+    sent: Any = None  # what a map needs to be placed anew
+
+
+class Knowledge:
     """
-    The base of all listings; the store makes the groups of obstacles.
+    The base of both kinds of knowledge; the store makes the groups of obstacles.
 
-    `receive` takes a polygon and returns the group that it joins, `end` takes an empty polygon,
-    and `spoil` messages of unknown content. `deadline` is the time after which `pass_time` changes
-    something. `problem` says why no listing is known, as the end of a sentence; empty if one is.
+    `receive` takes an obstacle and returns why it is refused, `end` takes an empty polygon, and
+    `spoil` a message of unknown content. `deadline` is the time after which `pass_time` changes
+    something. `problem` says why not all obstacles are known, as the end of a sentence; empty if
+    they are.
     """
 
-    timeout: float = NEVER
-    window: float = 0
-    settle_time: float = 0
-    max_count = 1
-
-    def __init__(self, store: ObstacleStore) -> None:
+    def __init__(self, store: ObstacleStore, settings: ObstacleSettings, tolerance: int) -> None:
         self._store = store
         self.is_known = False  # whether all that the publisher sees is known
         self.since = 'yet'  # when it began, as the end of a sentence
+        self.joined = 0  # number of the listing that the last obstacle joined; 0 without listings
         self.wants_history = False  # whether a new subscription is needed for older messages
+        self.newest = -NEVER  # the newest stamp
+        self._heard = -NEVER  # the latest time of a message
+        self._missed = ''  # why not all is known since then; empty if nothing was missed
+        self.timeout: float = NEVER
+        self.configure(settings, tolerance, 0)
 
-    def configure(self, settings: ObstacleSettings, now: int) -> None:
-        """Apply the settings of the source; what others have proved may be proved no more."""
-        self.timeout = round(settings.timeout * 1e9) or NEVER
-        self.window = round(settings.set_window * 1e9)
-        self.settle_time = round(settings.settle_time * 1e9)
+    def configure(self, settings: ObstacleSettings, tolerance: int, now: int) -> None:
+        """Apply settings, and by how much clocks may differ; a longer timeout proves less."""
+        before, self.timeout = self.timeout, round(settings.timeout * 1e9) or NEVER
         self.max_count = settings.max_count
+        self._tolerance = tolerance
+        if before < self.timeout and self._heard > -NEVER:
+            self.spoil(_CHANGED, now)
 
-    def wait(self, now: int) -> None:
-        """Restart `settle_time`, if there is one: messages may still be queued."""
+    def spoil(self, cause: str, now: int) -> None:
+        """Record a message of unknown content."""
+        raise NotImplementedError
+
+    def gather(self, stamp: int, count: int) -> None:
+        """Record how many obstacles came with a stamp."""
+
+    def _hear(self, message: Message) -> None:
+        """Record that the publisher was alive at the stamp of a message."""
+        self.newest = max(self.newest, message.stamp)
+        self._heard = max(self._heard, message.time)
+
+    def _silence(self, now: int) -> str:
+        """Return why nothing of use comes, as the end of a sentence; empty if something does."""
+        if self._heard == -NEVER:
+            if self._missed:
+                return f'has sent nothing of use {self.since}: {self._missed}'
+            return f'has not sent anything {self.since}'
+        if self._heard + self.timeout >= now:
+            return ''
+        return f'has been silent for longer than {self._timeout_in_words}'
 
     @property
     def _timeout_in_words(self) -> str:
@@ -74,356 +122,366 @@ class _Listing:
 
 
 @dataclass(slots=True, eq=False)
-class _Set:
-    """One set of obstacles."""
+class _Listing:
+    """All that a publisher sees, once."""
 
     group: SetGroup
-    start: int  # the stamp of its first message
-    last: int  # that of the last one so far
-    time: int  # the earliest from which its messages count
-    is_begun: bool  # whether nothing is missing since its beginning
-    count: int = 0  # of its messages so far
-    is_ended: bool = False  # whether an empty polygon has ended it
-    is_whole: bool = False  # whether it is proved whole
-
-
-class Sets(_Listing):
-    """
-    Listings as sets: polygons whose stamps lie within a window.
-
-    The beginning of a set is proved by number 1, or by the end of the set before it; its end by a
-    message of a later set, by an empty polygon with its stamp, or by `max_count` messages, unless
-    the set before had more. The last whole set and all newer ones are kept: only a whole set
-    replaces it. The listing is known while the last whole set is not older than the timeout.
-    """
-
-    def __init__(self, store: ObstacleStore) -> None:
-        super().__init__(store)
-        self.current: _Set | None = None  # the set of the message before
-        # In order of arrival. Only the first one may be whole.
-        self._sets: list[_Set] = []
-        # Whether the window has cut a set in two; whether a set had more than max_count messages;
-        # whether messages were missed since the last one that was received.
-        self._is_cut = self._is_too_large = self._is_spoiled = False
-        # The time between the beginnings of the last two sets, in ns.
-        self._period = 0
-        # What was missed since the last whole set; empty if nothing.
-        self._missed = ''
+    number: int  # among those of its source
+    is_sound: bool  # whether its beginning was received, and nothing of it is missing
+    stamp: float = -NEVER  # of its last message
+    time: float = NEVER  # of its oldest message
+    begun: float = NEVER  # when its first obstacle was received
 
     @property
-    def groups(self) -> Sequence[SetGroup]:
-        return [one.group for one in self._sets]
+    def is_empty(self) -> bool:
+        return self.begun == NEVER
 
-    def configure(self, settings: ObstacleSettings, now: int) -> None:
-        timeout, *before = self.timeout, self.window, self.max_count
-        super().configure(settings, now)
-        current = self.current
-        if current is None:
-            return
-        if [self.window, self.max_count] != before:
-            self.spoil(_CHANGED, now)
-        elif self.timeout > timeout and not current.is_whole:
-            # Some of it may have been too old.
-            current.is_begun = False
 
-    def receive(self, news: News, stamp: int, time: int, now: int) -> SetGroup:
-        current = self.current
-        if (current is None or stamp != current.last or news is not CONTINUES
-                or time < current.time or self._is_spoiled):
-            current = self._follow(news, stamp, time, now)
-        current.count += 1
-        if current.count >= self.max_count:
-            if current.count > self.max_count:
-                self._is_too_large = True
-            elif not self._is_cut and not self._is_too_large:
-                self._end(current, now)
-        return current.group
+class Listings(Knowledge):
+    """
+    Listings that follow one another in a stream: sets, and maps where the timeout is 0.
 
-    def set_to_extend(self, stamp: int) -> _Set | None:
-        """Return the current set if messages of a stamp only add to it, else None."""
-        current = self.current
-        if current is None or stamp != current.last or self._is_spoiled or stamp < current.time:
+    A listing is whole if it began with number 1 or after the end of another one, nothing of it
+    was lost or refused, and its end has come. Only a whole listing replaces what came before it:
+    held are the last whole one and all that is newer. They are known while the last whole one is
+    not older than the timeout, and nothing since was refused.
+    """
+
+    def __init__(self, store: ObstacleStore, settings: ObstacleSettings, tolerance: int) -> None:
+        self._store = store
+        self._open = self._new_listing(is_sound=False)
+        self._whole: _Listing | None = None
+        self._newer: list[_Listing] = []  # those after the last whole one that are not whole
+        self._is_spoiled = False  # whether a message of unknown content came last
+        self._ends: deque[int] = deque(maxlen=_MEASURED)
+        self._end = settings.set_end
+        super().__init__(store, settings, tolerance)
+
+    @property
+    def groups(self) -> list[ObstacleGroup]:
+        """The groups of obstacles that are held."""
+        return [one.group for one in self._held()]
+
+    def _held(self) -> Iterator[_Listing]:
+        if self._whole:
+            yield self._whole
+        yield from self._newer
+        yield self._open
+
+    @property
+    def count(self) -> int:
+        """Number of obstacles of the last whole listing."""
+        return len(self._whole.group) if self._whole else 0
+
+    @property
+    def rate(self) -> float:
+        """How many listings end in a second; 0 while that is not known."""
+        ends = self._ends
+        return (len(ends) - 1) / (ends[-1] - ends[0]) * 1e9 if ends and ends[-1] > ends[0] else 0.0
+
+    def receive(self, message: Message, now: int) -> str | None:
+        self.begin_run(message, now)
+        if self._end == EACH_MESSAGE:
+            self._open.is_sound = self._replaces(message)
+        refusal = self.group_for(message, now).take(
+            message.body, message.frame_id, message.time, message.refusal, message.instance,
+            message.sent)
+        if refusal:
+            self._miss(f'a message was refused: {refusal}')
+            self.is_known = False
+        if self._end == EACH_MESSAGE:
+            self._close(now)
+        return refusal
+
+    def group_for(self, message: Message, now: int) -> SetGroup:
+        """Return the group of the open listing, for an obstacle of a message."""
+        one = self._open
+        self.joined = one.number
+        one.stamp = message.stamp
+        one.time = min(one.time, message.time)
+        one.begun = min(one.begun, now)
+        return one.group
+
+    def begin_run(self, message: Message, now: int) -> None:
+        """Receive what the first message of a run says, but for its obstacle."""
+        self._continue(message)
+        if self._end == NEW_STAMP:
+            self._separate(message, now)
+        self._is_spoiled = False
+
+    def group_to_extend(self, stamp: int) -> tuple[SetGroup, int] | None:
+        """Return the group that messages of a stamp only add to, and for how many it has room."""
+        one = self._open
+        if self._end == EACH_MESSAGE or stamp != one.stamp or self._is_spoiled:
             return None
-        return current
+        return one.group, self.max_count - len(one.group)
 
-    def set_of(self, stamp: int, now: int) -> _Set:
-        """Return the set that the next messages join, which are valid and have a stamp."""
-        return self._follow(CONTINUES, stamp, stamp, now)
-
-    def end(self, news: News, stamp: int, time: int, now: int) -> None:
-        """Receive an empty polygon, which ends the set of its stamp; none if that is 0."""
-        if not stamp:
-            if news is LOST:
-                self._miss(LOSS)
-            return
-        current = self.current
-        if current is not None and self._is_near(current, stamp):
-            # A set that has max_count members already is ended, too.
-            stamp = current.last
-        current = self._follow(news, stamp, time, now)
-        current.is_ended = True
-        self._end(current, now)
+    def end(self, message: Message, now: int) -> None:
+        """Receive an empty polygon: the end of a set, or a set of none."""
+        self._continue(message)
+        one = self._open
+        if self._end == NEW_STAMP:
+            if message.stamp == one.stamp:
+                return
+            self._separate(message, now)
+            self._open.stamp = message.stamp
+        elif self._end == EACH_MESSAGE:
+            one.is_sound = self._replaces(message)
+        self._is_spoiled = False
+        if self._open.is_empty:
+            self._open.time = message.time
+        self._close(now)
 
     def spoil(self, cause: str, now: int) -> None:
-        """Record messages of unknown content, of this set or of the next one."""
+        self._is_spoiled, self.is_known = True, False
         self._miss(cause)
-        self.is_known = False
 
     def pass_time(self, now: int) -> None:
-        """Drop obstacles that are too old, unless the listing is still known."""
-        whole = self._whole
-        if self.is_known and whole is not None and whole.time + self.timeout >= now:
+        """Drop obstacles that are too old, unless the last whole listing is not."""
+        whole, one = self._whole, self._open
+        if self.is_known and whole and whole.time + self.timeout >= now:
+            if self.timeout == NEVER and one.begun + _LONGEST_OPEN < now:
+                self.is_known = False
+                self._missed = 'it began to send another one'
             return
         self.is_known = False
-        for one in [*self._sets]:
-            one.group.forget_before(now - self.timeout)
-            if one.group.oldest == NEVER and one is not self.current and not one.is_whole:
-                self._sets.remove(one)
-                one.group.clear()
+        for held in [*self._held()]:
+            held.group.forget_before(now - self.timeout)
+        if one.time + self.timeout < now:
+            # Nothing that it ends with can make it young enough.
+            one.is_sound = False
+            self._newer.append(one)
+            self._open = self._new_listing(is_sound=False, stamp=one.stamp)
+        for held in [*self._newer]:
+            if held.group.oldest == NEVER:
+                self._newer.remove(held)
+                held.group.clear()
 
     @property
     def deadline(self) -> float:
-        """The time after which the last whole set, or else some obstacle, is too old."""
+        """The time after which the last whole listing, or else some obstacle, is too old."""
         whole = self._whole
-        if whole is not None and self.is_known:
-            return whole.time + self.timeout
-        return min((group.oldest for group in self.groups), default=NEVER) + self.timeout
+        if whole and self.is_known:
+            return (whole.time + self.timeout if self.timeout < NEVER
+                    else self._open.begun + _LONGEST_OPEN)
+        return min(group.oldest for group in self.groups) + self.timeout
 
     def problem(self, now: int) -> str:
-        if self._is_cut:
-            return ('sends sets that set_window cuts in two: set it to more than a set takes and '
-                    'less than the time between sets, or to 0 with one stamp a set')
         if self.is_known:
             return ''
-        current = self.current
-        if current is None:
-            return f'has not sent anything {self.since}'
-        if current.time + self.timeout < now:
-            return f'has been silent for longer than {self._timeout_in_words}'
+        is_map = self.timeout == NEVER
+        what = 'map' if is_map else 'set'
+        if silence := self._silence(now):
+            return silence + ('' if self._heard == -NEVER else
+                              ': where it sees nothing let it send an empty polygon')
+        if self._missed == _FROM_MIDDLE and is_map:
+            return ('has not sent a whole map: it was received from its middle on; raise the '
+                    'depth of its publisher to one message more than a map has with its end')
         if self._missed:
-            return f'has not sent a whole set since {self._missed}'
-        if not current.is_whole and not current.is_ended and 2 * self._period > self.timeout:
-            period = self._period / 1e9
-            return (f'sends a set every {period:.2g} s, which is whole when the next one begins: '
-                    f'end each set with an empty polygon, or set timeout to more than '
-                    f'{2.2 * period:.2g} s')
-        if self._whole is None:
-            return 'has not sent a whole set yet'
-        return f'has not sent a whole set for longer than {self._timeout_in_words}'
+            return f'has not sent a whole {what} since {self._missed}'
+        if self._end == EMPTY_POLYGON and (
+                not self._ends or self._ends[-1] + self.timeout < now):
+            since = 'yet' if is_map or not self._ends else f'for {self.timeout / 1e9:g} s'
+            return (f'has not ended a {what} {since}: send an empty polygon after the last '
+                    f'obstacle of each {what}' + ('' if is_map else ', or leave set_end out'))
+        if 0 < self.rate * self.timeout < 1e9:
+            return f'sends a set every {1 / self.rate:.2g} s: raise timeout above that'
+        if self._whole and self._whole.time + self.timeout < now:
+            return f'sends sets whose oldest obstacle is older than {self._timeout_in_words}'
+        return f'has not sent a whole {what} yet'
 
-    @property
-    def _whole(self) -> _Set | None:
-        """The last set that is proved whole."""
-        return self._sets[0] if self._sets and self._sets[0].is_whole else None
-
-    def _is_near(self, current: _Set, stamp: int) -> bool:
-        """Return whether a stamp is in the window of a set that no empty polygon has ended."""
-        return not current.is_ended and abs(stamp - current.start) <= self.window
-
-    def _follow(self, news: News, stamp: int, time: int, now: int) -> _Set:
-        """Return the set that a message joins: the current one, or a new one."""
-        if news is LOST:
+    def _continue(self, message: Message) -> None:
+        """Follow what the number of a message says."""
+        self._hear(message)
+        if message.news is BEGUN:
+            self._open.is_sound = True
+        elif message.news is LOST:
             self._miss(LOSS)
-        elif self._is_spoiled:
-            news = LOST
-        self._is_spoiled = False
-        current = self.current
-        is_begun, is_cut = news is BEGUN, False
-        if current is not None:
-            if news is CONTINUES or news is LOST:
-                if (stamp == current.last and news is CONTINUES) or (
-                        current.count < self.max_count and self._is_near(current, stamp)):
-                    current.last = max(current.last, stamp)
-                    current.time = min(current.time, time)
-                    return current
-                is_cut = not current.is_ended and abs(stamp - current.last) <= self.window
-            self._period = abs(stamp - current.start)
-            if is_cut:
-                self._is_cut, self.is_known = True, False
-            elif news is CONTINUES:
-                self._end(current, now)
-                is_begun = True
-        self.current = current = _Set(self._store.new_set(), stamp, stamp, time, is_begun)
-        self._sets.append(current)
-        is_first_whole = self._sets[0].is_whole
-        if len(self._sets) > _MAX_SETS + 1 + is_first_whole:
-            # Too many sets: drop the oldest that is not whole.
-            self.is_known = False
-            self._sets.pop(is_first_whole).group.clear()
-        return current
+            if self.timeout == NEVER:
+                self.is_known, self.wants_history = False, True
+        elif message.news is JOINED:
+            self._missed = self._missed or _FROM_MIDDLE
 
     def _miss(self, what: str) -> None:
-        """Record a gap in the messages."""
+        """Record that something of the open listing is missing."""
         self._missed = what
-        self._is_spoiled = True
-        if self.current is not None and not self.current.is_whole:
-            self.current.is_begun = False
+        self._open.is_sound = False
 
-    def _end(self, current: _Set, now: int) -> None:
-        """Let a set that has ended replace all older ones, if nothing of it is missing."""
-        if not current.is_begun or current.is_whole:
+    def _separate(self, message: Message, now: int) -> None:
+        """Let a message of another stamp than the last one end the open listing."""
+        one, stamp = self._open, message.stamp
+        if one.stamp == -NEVER or stamp == one.stamp and not one.is_empty:
             return
-        for one in self._sets:
-            if one is not current:
-                one.group.clear()
-        self._sets = [current]
-        current.is_whole = True
-        self._is_cut = False
-        self._is_too_large = current.count > self.max_count
-        self._missed = ''
-        self.is_known = current.time + self.timeout >= now
+        is_newer = stamp > one.stamp
+        one.is_sound &= is_newer
+        if not one.is_empty:
+            self._close(now)
+        self._open.is_sound &= (is_newer and message.news is CONTINUES and not self._is_spoiled)
+
+    def _replaces(self, message: Message) -> bool:
+        """Return whether a message that is a set by itself replaces the last one."""
+        return not message.refusal and not (self._whole and message.stamp < self._whole.stamp)
+
+    def _close(self, now: int) -> None:
+        """End the open listing, which replaces all older ones if it is whole."""
+        one = self._open
+        if one.is_sound:
+            for held in self._held():
+                if held is not one:
+                    held.group.clear()
+            self._newer.clear()
+            self._whole = one
+            self.is_known = one.time + self.timeout >= now
+            self._missed = ''
+        elif one.is_empty:
+            one.group.clear()
+        else:
+            self._newer.append(one)
+            if len(self._newer) > _MAX_NEWER:
+                self._newer.pop(0).group.clear()
+                self.is_known = False
+        self._ends.append(now)
+        self._open = self._new_listing(is_sound=True, stamp=one.stamp)
+
+    def _new_listing(self, is_sound: bool, stamp: float = -NEVER) -> _Listing:
+        self._store.listings += 1
+        return _Listing(self._store.new_set(), self._store.listings, is_sound, stamp)
 
 
-class _Keyed(_Listing):
-    """The base of listings by id or shape, which fill one group."""
+class Refreshed(Knowledge):
+    """
+    Obstacles that are sent again and again: by id, else each message is an obstacle.
 
-    def __init__(self, store: ObstacleStore) -> None:
-        super().__init__(store)
-        self.group = store.new_keyed()
-        self._cause = ''
+    They are known from the first message on that is stamped a timeout and the tolerance of clocks
+    after the arrival of the one with which reception without a gap began. An obstacle is forgotten
+    when a message stamped more than the timeout after it shows that its publisher is alive and
+    has not sent it again. Stamps further apart than the timeout are a gap.
+    """
+
+    def __init__(self, store: ObstacleStore, settings: ObstacleSettings, tolerance: int) -> None:
+        super().__init__(store, settings, tolerance)
+        self.by_id = store.new_keyed() if settings.type == POLYGON_INSTANCE else None
+        # Obstacles without ids, by stamp divided by a part of the timeout.
+        self._part = max(int(self.timeout) // _PARTS, 1)
+        self._parts: dict[int, SetGroup] = {}
+        # When reception without a gap began, NEVER if it has not.
+        self._begun = NEVER
+        # How many obstacles came with each of the last stamps.
+        self._gathered: deque[tuple[int, int]] = deque(maxlen=3)
 
     @property
-    def groups(self) -> Sequence[KeyedGroup]:
-        return [self.group]
+    def groups(self) -> list[ObstacleGroup]:
+        """The groups of obstacles that are held."""
+        return [*([self.by_id] if self.by_id else ()), *self._parts.values()]
 
+    @property
+    def count(self) -> int:
+        """Number of obstacles that are held."""
+        return len(self.by_id or ()) + sum(map(len, self._parts.values()))
 
-class Keys(_Keyed):
-    """
-    Listings of obstacles identified by id or shape: all that are received in one timeout.
+    @property
+    def together(self) -> int:
+        """How many obstacles come with each stamp; 0 if that differs, or is one."""
+        counts = [count for _, count in self._gathered]
+        return counts[0] if len(counts) == 3 and counts[0] == counts[1] > 1 else 0
 
-    Known from the first message on that is stamped a whole timeout after the one with which
-    reception without a gap began. An obstacle is dropped when a message stamped more than the
-    timeout after it shows that its publisher is alive and no longer sends it.
-    """
+    rate = 0.0
 
-    def __init__(self, store: ObstacleStore) -> None:
-        super().__init__(store)
-        # When reception without a gap began, NEVER if it has not; and the latest time received.
-        self._since: float = NEVER
-        self._last: float = -NEVER
+    def receive(self, message: Message, now: int) -> str | None:
+        refusal = message.refusal
+        if refusal and not message.instance:
+            self.spoil(f'a message was refused: {refusal}', now)
+            return refusal
+        self.begin_run(message, now)
+        if message.instance and self.by_id is not None:
+            refusal = self.by_id.take(message.instance, message.body, message.frame_id,
+                                      message.stamp, message.time, refusal)
+        elif self.count < self.max_count:
+            self.group_for(message, now).take(message.body, message.frame_id, message.time)
+            self.gather(message.stamp, 1)
+        else:
+            refusal = TOO_MANY
+        if refusal is TOO_MANY:
+            self.spoil(f'there were more than max_count obstacles, {self.max_count}, within its '
+                       'timeout', now)
+        return refusal
 
-    def configure(self, settings: ObstacleSettings, now: int) -> None:
-        before = self.timeout
-        super().configure(settings, now)
-        if self._since < NEVER and self.timeout > before:
-            # What is sent less often than before, but often enough now, may have been forgotten.
-            self.spoil(_CHANGED, now)
+    def group_for(self, message: Message, now: int) -> SetGroup:
+        """Return the group for an obstacle without an id, which has just been heard."""
+        part = message.stamp // self._part
+        if part not in self._parts:
+            self._parts[part] = self._store.new_set()
+        return self._parts[part]
 
-    def receive(self, news: News, stamp: int, time: int, now: int) -> KeyedGroup:
-        last = self._last
-        if news is not CONTINUES or self._since == NEVER or last + self.timeout < now:
-            self._restart(max(time, last), LOSS if news is LOST else '')
-        if time > last:
-            self._last = last = time
-        if self.group.oldest + self.timeout < last:
-            self.group.forget_before(last - self.timeout)
-        if not self.is_known and self._since + self.timeout <= last >= now - self.timeout:
-            self.is_known = True
-        return self.group
+    def group_to_extend(self, stamp: int) -> tuple[SetGroup, int] | None:
+        """Return the group that messages of a stamp only add to, and for how many it has room."""
+        if self.by_id is not None or stamp != self.newest or self._begun == NEVER:
+            return None
+        group = self._parts.get(stamp // self._part)
+        return None if group is None else (group, self.max_count - self.count)
 
-    def end(self, news: News, stamp: int, time: int, now: int) -> None:
-        """Receive an empty polygon, which shows that the publisher is alive."""
-        self.receive(news, stamp, time, now)
+    def end(self, message: Message, now: int) -> None:
+        """Receive an empty polygon, which shows by its stamp that the publisher is alive."""
+        if message.is_stamped:
+            self.begin_run(message, now)
+        elif message.news is not CONTINUES:
+            self._restart(now, LOSS if message.news is LOST else '')
 
     def spoil(self, cause: str, now: int) -> None:
-        """Record messages of unknown content, of any key."""
-        self._last = max(now, self._last)
-        self._restart(self._last, cause)
+        self._restart(now, cause)
 
     def pass_time(self, now: int) -> None:
         """Drop obstacles that are too old once the source is silent; before, time drops none."""
-        if self._last + self.timeout < now:
+        if self._heard + self.timeout < now:
             self.is_known = False
-            self.group.forget_before(now - self.timeout)
             # A late message must not continue as if nothing had been dropped.
-            self._since = NEVER
+            self._begun = NEVER
+            for group in self.groups:
+                group.forget_before(now - self.timeout)
+            self._drop_parts(lambda part: self._parts[part].oldest == NEVER)
 
     @property
     def deadline(self) -> float:
         """The time after which the source is silent, or its oldest obstacle is too old."""
-        return self.timeout + (self._last if self._since < NEVER else self.group.oldest)
+        return self.timeout + (self._heard if self._begun < NEVER else
+                               min((group.oldest for group in self.groups), default=NEVER))
 
     def problem(self, now: int) -> str:
         if self.is_known:
             return ''
-        if self._last == -NEVER:
-            return f'has not sent anything {self.since}'
-        if self._last + self.timeout < now:
-            return f'has been silent for longer than {self._timeout_in_words}'
-        since = f' since {self._cause}' if self._cause else ''
-        return f'has not been received for {self._timeout_in_words} without a gap{since}'
+        if silence := self._silence(now):
+            return silence
+        if self._missed == _GAP:
+            return f'has stamps that are further apart than {self._timeout_in_words}: raise it'
+        since = f' since {self._missed}' if self._missed else ''
+        return (f'has not been received for {self._timeout_in_words} and future_tolerance, '
+                f'{self._tolerance / 1e9:g} s, without a gap{since}')
 
-    def _restart(self, time: float, cause: str) -> None:
-        self._since = time
-        self._cause = cause
-        self.is_known = False
+    def gather(self, stamp: int, count: int) -> None:
+        gathered = self._gathered
+        if gathered and gathered[-1][0] == stamp:
+            count += gathered.pop()[1]
+        gathered.append((stamp, count))
 
+    def begin_run(self, message: Message, now: int) -> None:
+        """Receive what a message proves: that what has not been sent again by then is gone."""
+        stamp = message.stamp
+        if message.news is not CONTINUES or self._begun == NEVER:
+            self._restart(now, LOSS if message.news is LOST else '')
+        elif self.newest + self.timeout < stamp:
+            self._restart(now, _GAP)
+        self._hear(message)
+        oldest = stamp - self.timeout
+        self._drop_parts(lambda part: (part + 1) * self._part <= oldest)
+        if self.by_id is not None:
+            self.by_id.forget_stamped_before(oldest)
+        if not self.is_known and stamp > self._begun + self.timeout + self._tolerance:
+            self.is_known = self._heard + self.timeout >= now
 
-class Maps(_Keyed):
-    """
-    Listings that never become too old: all obstacles up to an empty polygon.
+    def _restart(self, now: int, cause: str) -> None:
+        """Record a gap, after which obstacles may be there that have not been received."""
+        self._begun, self._missed, self.is_known = now, cause, False
 
-    A listing that began with number 1 or right after an empty polygon is known once an empty
-    polygon ends it; the first one of a stream also when nothing has been received for
-    `settle_time`, which drops nothing.
-    """
-
-    def __init__(self, store: ObstacleStore) -> None:
-        super().__init__(store)
-        # Whether nothing is missing since the listing began; and after which time without a
-        # message it settles, NEVER if it does not.
-        self._is_begun = False
-        self._settles: float = NEVER
-
-    def receive(self, news: News, stamp: int, time: int, now: int) -> KeyedGroup:
-        if news is BEGUN:
-            self._is_begun, self.wants_history = True, False
-            self._settles = now
-        elif news is LOST:
-            self.spoil(LOSS, now)
-            self.wants_history = True
-        elif news is JOINED:
-            self.spoil('it was received from its middle on: the depth of its publisher must hold '
-                       'the whole map', now)
-        self.wait(now)
-        return self.group
-
-    def end(self, news: News, stamp: int, time: int, now: int) -> None:
-        """Receive an empty polygon, which ends the listing."""
-        self.receive(news, stamp, time, now)
-        self.is_known |= self._is_begun
-        self.group.end_listing(replaces=self._is_begun)
-        self._is_begun = True
-        self._settles = NEVER
-
-    def spoil(self, cause: str, now: int) -> None:
-        """Record messages of unknown content, of any obstacle."""
-        self._is_begun = self.is_known = False
-        self._settles = NEVER
-        self._cause = cause
-
-    def wait(self, now: int) -> None:
-        """Restart `settle_time`: messages may still be queued."""
-        if self._settles < NEVER:
-            self._settles = now + self.settle_time
-
-    def pass_time(self, now: int) -> None:
-        """Settle if nothing has been received for `settle_time`."""
-        if self._settles < now:
-            self._settles = NEVER
-            self.is_known = True
-
-    @property
-    def deadline(self) -> float:
-        """The time after which it settles."""
-        return self._settles
-
-    def problem(self, now: int) -> str:
-        if self.is_known:
-            return ''
-        if self._settles < NEVER:
-            return 'sends its map: known once it ends with an empty polygon, or pauses for ' \
-                   f'settle_time, {self.settle_time / 1e9:g} s'
-        if self._cause:
-            return f'has not sent a whole map since {self._cause}'
-        return 'has not sent a whole map yet'
+    def _drop_parts(self, is_gone: Callable[[int], bool]) -> None:
+        for part in [part for part in self._parts if is_gone(part)]:
+            self._parts.pop(part).clear()

@@ -16,20 +16,24 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Iterator
-from itertools import chain
+from collections import Counter, OrderedDict
+from collections.abc import Callable, Iterable, Iterator
+from itertools import chain, takewhile
+from typing import Any
 
 import numpy as np
 from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.polygon import PackedBody
 from sat_collision.geometry.run import Run
 from sat_collision.scene.contacts import Contacts, NOWHERE
-from sat_collision.scene.obstacles import Key, Obstacle
+from sat_collision.scene.obstacles import Obstacle, ObstacleId
 from sat_collision.scene.settings import NEVER
 
 OTHER_FRAME = 'other frame'
 TOO_MANY = 'too many obstacles'
+MOVED = 'not valid where its frame has moved'
+
+_MAX_SPARE = 100
 
 
 class ObstacleStore:
@@ -43,21 +47,22 @@ class ObstacleStore:
         # Number of obstacles whose message was refused, by reason.
         self.refusals: Counter[str] = Counter()
         self.groups: list[ObstacleGroup] = []
+        # Number of listings that have begun.
+        self.listings = 0
         self._spare: list[SetGroup] = []
-        self._shapes_seen = 0
 
     def __iter__(self) -> Iterator[Obstacle]:
         """Iterate over all obstacles, including those whose message was refused."""
         return chain.from_iterable(self.groups)
 
     def new_set(self) -> SetGroup:
-        """Return a group for a set, reusing a dropped one if possible."""
+        """Return a group for obstacles in order, reusing a dropped one if possible."""
         group = self._spare.pop() if self._spare else SetGroup(self)
         self.groups.append(group)
         return group
 
     def new_keyed(self) -> KeyedGroup:
-        """Return a group for obstacles by id or shape."""
+        """Return a group for obstacles by id."""
         group = KeyedGroup(self)
         self.groups.append(group)
         return group
@@ -66,15 +71,8 @@ class ObstacleStore:
         """Drop an empty group."""
         if group in self.groups:
             self.groups.remove(group)
-            if isinstance(group, SetGroup):
+            if isinstance(group, SetGroup) and len(self._spare) < _MAX_SPARE:
                 self._spare.append(group)
-
-    def number_of(self, key: Key) -> int:
-        """Return the number by which an obstacle of this key is reported."""
-        if isinstance(key, int):
-            return key
-        self._shapes_seen += 1
-        return -self._shapes_seen
 
 
 class ObstacleGroup:
@@ -88,12 +86,31 @@ class ObstacleGroup:
         """Iterate over all obstacles, including those whose message was refused."""
         raise NotImplementedError
 
+    @property
+    def oldest(self) -> float:
+        """The earliest time of its obstacles; NEVER if there are none."""
+        raise NotImplementedError
+
     def flush(self) -> None:
         """Update the obstacles that runs have moved."""
+
+    def clear(self) -> None:
+        """Drop all."""
+        raise NotImplementedError
 
     def forget_refused(self) -> None:
         """Drop the obstacles whose messages were refused."""
         self._forget([one for one in self if one.refused])
+
+    def forget_before(self, time: float) -> None:
+        """Drop the obstacles whose time is earlier."""
+        if self.oldest < time:
+            self._forget([one for one in self if one.time < time])
+
+    def set_times(self, time: int) -> None:
+        """Let all obstacles count from a time."""
+        for one in self:
+            one.time = time
 
     def refuse_other_frames(self, frame_id: str) -> None:
         """Refuse all placed obstacles in other frames than this."""
@@ -130,15 +147,14 @@ class ObstacleGroup:
 
 class SetGroup(ObstacleGroup):
     """
-    The obstacles of one set: the k-th message is the k-th obstacle.
+    Obstacles in the order of their messages: the k-th message is the k-th obstacle.
 
-    A group that is cleared keeps its rows, hidden, for another set.
+    A group that is cleared keeps its rows, hidden, to be used again.
     """
 
     def __init__(self, store: ObstacleStore) -> None:
         super().__init__(store)
-        # The earliest time of its obstacles; NEVER if there are none.
-        self.oldest: float = NEVER
+        self._oldest: float = NEVER
         self._places: list[Obstacle] = []
         # The row of each place, -1 for none.
         self._rows = indexable(np.empty(0, np.int64))
@@ -146,10 +162,20 @@ class SetGroup(ObstacleGroup):
         # Of runs: begin and end of their places, and the frame and time of their obstacles. Only
         # `flush` writes these to the obstacles: most sets are dropped before that is needed.
         self._pending: list[tuple[int, int, str, float]] = []
+        # Other frames in which obstacles of a map were sent.
+        self.frames: set[str] = set()
+
+    def __len__(self) -> int:
+        """Return how many messages were taken."""
+        return self._taken
 
     def __iter__(self) -> Iterator[Obstacle]:
         self.flush()
         return (one for one in self._places[:self._taken] if one.row is not None or one.refused)
+
+    @property
+    def oldest(self) -> float:
+        return self._oldest
 
     def flush(self) -> None:
         for begin, end, frame_id, time in self._pending:
@@ -179,130 +205,159 @@ class SetGroup(ObstacleGroup):
         begin = self._taken
         if count:
             self._taken += count
-            if time < self.oldest:
-                self.oldest = time
+            self._oldest = min(self._oldest, time)
             self._pending.append((begin, self._taken, frame_id, time))
         return count
 
-    def take(self, key: Key, body: PackedBody | None, frame_id: str, time: int,
-             refusal: str | None) -> str | None:
-        """Take a message, with body None if it is refused; return why it is refused, or None."""
+    def take(self, body: PackedBody | None, frame_id: str, time: int, refusal: str | None = None,
+             instance: int | None = None, sent: Any = None) -> str | None:
+        """
+        Take a message, with body None if it is refused; return why it is refused, or None.
+
+        The obstacle is named by its id, without one by its place; `sent` is what is needed to
+        place it anew.
+        """
         place = self._taken
         if place >= self._store.max_count:
             # All obstacles beyond the limit share a place.
             place = self._store.max_count
             refusal = refusal or TOO_MANY
         self._taken = place + 1
-        if time < self.oldest:
-            self.oldest = time
+        self._oldest = min(self._oldest, time)
         self._add_places(place + 1)
-        self._put(self._places[place], body, frame_id, time, refusal)
+        obstacle = self._places[place]
+        name = place if instance is None else instance
+        if obstacle.name.key != name:
+            self._contacts.remove_obstacle(obstacle)
+            obstacle.name = ObstacleId(self._store.source, name)
+        obstacle.sent = sent
+        if sent is not None:
+            self.frames.add(sent[0])
+        self._put(obstacle, body, frame_id, time, refusal)
         return refusal
 
-    def forget_before(self, time: float) -> None:
-        """Drop the obstacles whose time is earlier."""
-        if self.oldest < time:
-            self._forget([one for one in self if one.time < time])
+    def place_anew(self, frame_id: str, body_of: Callable[[Any], PackedBody | None]) -> None:
+        """Place obstacles that were sent in a frame where that is now; None refuses one."""
+        for one in [*self]:
+            if one.sent is not None and one.sent[0] == frame_id:
+                body = body_of(one.sent)
+                self._put(one, body, one.frame_id, one.time, MOVED if body is None else None)
+
+    def set_times(self, time: int) -> None:
+        super().set_times(time)
+        self._oldest = time if self._taken else NEVER
 
     def clear(self) -> None:
         """Hide all obstacles."""
         places, taken = self._places, self._taken
         if taken < len(places):
             super()._forget(places[taken:])
-            for place in range(taken, len(places)):
-                self._rows[place] = -1
+            self._rows[taken:len(places)] = -1
             del places[taken:]
         if self._store.refusals:
             for obstacle in places:
                 self._mark(obstacle, None)
         self._contacts.hide_obstacles(self, self._rows)
         self._pending.clear()
+        self.frames.clear()
         self._taken = 0
-        self.oldest = NEVER
+        self._oldest = NEVER
         self._store.drop(self)
 
     def _add_places(self, count: int) -> None:
         """Add places until there are so many."""
         for place in range(len(self._places), count):
-            self._places.append(Obstacle(self, self._store.source, place, place))
+            self._places.append(Obstacle(self, self._store.source, place))
             if place == len(self._rows):
                 self._rows = indexable(np.append(self._rows, np.full(place + 1, -1)))
 
     def _put(self, obstacle: Obstacle, body: PackedBody | None, frame_id: str, time: float,
              refusal: str | None) -> None:
         super()._put(obstacle, body, frame_id, time, refusal)
-        self._rows[obstacle.name.key] = -1 if obstacle.row is None else obstacle.row
+        self._rows[obstacle.key] = -1 if obstacle.row is None else obstacle.row
 
     def _forget(self, obstacles: Iterable[Obstacle]) -> None:
         super()._forget(obstacles)
         for obstacle in obstacles:
-            self._rows[obstacle.name.key] = -1
-        self.oldest = min((obstacle.time for obstacle in self), default=NEVER)
+            self._rows[obstacle.key] = -1
+        self._oldest = min((obstacle.time for obstacle in self), default=NEVER)
 
 
 class KeyedGroup(ObstacleGroup):
-    """Obstacles identified by id or shape, each where the message of its newest stamp says."""
+    """
+    Obstacles by id, the least recently received first.
+
+    An obstacle is where the message with its newest stamp says. One with the same or an older
+    stamp counts beside it, until one with a newer stamp than both comes.
+    """
 
     def __init__(self, store: ObstacleStore) -> None:
         super().__init__(store)
-        # In order of their times, if messages arrive in order of their stamps.
-        self._held: dict[Key, Obstacle] = {}
-        # The number of the current listing.
-        self._listing = 0
+        # Of each id the obstacles, that with the newest stamp first.
+        self._held: OrderedDict[int, list[Obstacle]] = OrderedDict()
+        self._count = 0
+
+    def __len__(self) -> int:
+        """Return how many obstacles there are, with those that count beside others."""
+        return self._count
 
     def __iter__(self) -> Iterator[Obstacle]:
-        return iter(self._held.values())
+        return chain.from_iterable(self._held.values())
 
     @property
     def oldest(self) -> float:
-        """The time of the least recently updated obstacle; NEVER if there is none."""
-        for obstacle in self._held.values():
-            return obstacle.time
-        return NEVER
+        return min((one.time for one in next(iter(self._held.values()), ())), default=NEVER)
 
-    def take(self, key: Key, body: PackedBody | None, frame_id: str, time: int,
+    def take(self, instance: int, body: PackedBody | None, frame_id: str, stamp: int, time: int,
              refusal: str | None) -> str | None:
         """
         Take a message, with body None if it is refused; return why it is refused, or None.
 
-        A message older than the obstacle of its key changes nothing. A new key for which there
-        is no room is refused as TOO_MANY, and no obstacle is made for it.
+        An obstacle for which there is no room is refused as TOO_MANY, and none is made for it.
         """
-        held = self._held
-        obstacle = held.pop(key, None)
-        if obstacle is None:
-            if len(held) >= self._store.max_count:
-                return TOO_MANY
-            obstacle = Obstacle(self, self._store.source, key, self._store.number_of(key))
-        elif time < obstacle.time:
-            held[key] = obstacle
-            return refusal
-        held[key] = obstacle
-        obstacle.listing = self._listing
-        self._put(obstacle, body, frame_id, time, refusal)
+        held = self._held.pop(instance, [])
+        is_newest = bool(held) and stamp > held[0].stamp
+        if is_newest:
+            self._drop(held[1:])
+            del held[1:]
+        elif self._count < self._store.max_count:
+            held.append(Obstacle(self, self._store.source, instance))
+            self._count += 1
+        else:
+            refusal = TOO_MANY
+        if held:
+            self._held[instance] = held
+        if refusal is not TOO_MANY:
+            held[-1].stamp = stamp
+            self._put(held[-1], body, frame_id, time, refusal)
         return refusal
 
-    def get(self, key: Key) -> Obstacle | None:
-        """Return the obstacle of a key, or None."""
-        return self._held.get(key)
+    def get(self, instance: int) -> Obstacle | None:
+        """Return where the newest stamp of an id says it is, None for an id that is not known."""
+        return next(iter(self._held.get(instance, ())), None)
 
-    def forget_before(self, time: float) -> None:
-        """Drop the obstacles whose time is earlier."""
-        while self.oldest < time:
-            self._forget([next(iter(self))])
-
-    def end_listing(self, replaces: bool) -> None:
-        """End the listing; if it replaces earlier ones, drop obstacles that only those had."""
-        if replaces:
-            self._forget([one for one in self if one.listing < self._listing])
-        self._listing += 1
+    def forget_stamped_before(self, stamp: float) -> None:
+        """Drop ids whose messages were all stamped earlier, of those least recently received."""
+        gone = [*takewhile(lambda held: all(one.stamp < stamp for one in held),
+                           self._held.values())]
+        self._forget([*chain.from_iterable(gone)])
 
     def clear(self) -> None:
-        """Drop all."""
         self._forget([*self])
         self._store.drop(self)
 
+    def _drop(self, obstacles: Iterable[Obstacle]) -> None:
+        """Drop obstacles that their ids no longer list."""
+        for one in obstacles:
+            super()._forget((one,))
+            self._count -= 1
+
     def _forget(self, obstacles: Iterable[Obstacle]) -> None:
-        super()._forget(obstacles)
-        for obstacle in obstacles:
-            del self._held[obstacle.key]
+        gone = {*obstacles}
+        for instance in {one.key for one in gone}:
+            held = [one for one in self._held[instance] if one not in gone]
+            if held:
+                self._held[instance] = held
+            else:
+                del self._held[instance]
+        self._drop(gone)

@@ -17,16 +17,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.polygon_set import PackedSet
 from sat_collision.scene.velocity import MotionTracker
 
 _Other = TypeVar('_Other', bound='Body[Any]')
-
-# A place in a set, an id, or a shape.
-Key: TypeAlias = 'int | bytes'
 
 
 class Body(Generic[_Other]):
@@ -62,9 +59,7 @@ class ObstacleId(NamedTuple):
     """The name of an obstacle."""
 
     source: str  # name of the source
-    # Its place in the source's sets, or its id. Obstacles known by their shape alone (stamp 0,
-    # accumulate) have neither and are numbered -1, -2, ...
-    key: int
+    key: int  # its id, or without one its place among those received together
 
     def __str__(self) -> str:
         return f'{self.source}/{self.key}'
@@ -77,17 +72,19 @@ class Obstacle(Body[Body[Any]]):
     Its key identifies it in the group that holds it.
     """
 
-    __slots__ = ('group', 'key', 'name', 'time', 'listing', 'frame_id', 'refused', 'motion')
+    __slots__ = ('group', 'key', 'name', 'time', 'stamp', 'frame_id', 'refused', 'motion',
+                 'sent')
 
-    def __init__(self, group: Any, source: str, key: Key, number: int) -> None:
+    def __init__(self, group: Any, source: str, key: int) -> None:
         super().__init__()
         self.group = group
         self.key = key
-        self.name = ObstacleId(source, number)
+        self.name = ObstacleId(source, key)
         self.time: float = 0  # that it counts from, in ns
-        self.listing = 0  # number of the listing of a map that had it last
+        self.stamp = 0  # of its message in ns, as sent
         self.frame_id = ''
         self.refused: str | None = None
+        self.sent: Any = None  # frame and points as sent, of a map in another frame
         # Its last places, if the obstacles of its source move.
         self.motion: MotionTracker | None = None
 

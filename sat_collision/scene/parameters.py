@@ -27,15 +27,21 @@ from typing import Any, TypeAlias
 import numpy as np
 from sat_collision.geometry.polygon import Polygon, PolygonError
 from sat_collision.scene.settings import (
-    DEFAULT_FOOTPRINT, DEFAULT_SOURCE, DEFAULT_SOURCE_TOPIC, FootprintSettings, ObstacleSettings,
-    POLYGON_INSTANCE, Settings, Spec, specs, TF)
+    DEFAULT_FOOTPRINT, DEFAULT_SOURCE, DEFAULT_SOURCE_TOPIC, EACH_MESSAGE, EMPTY_POLYGON,
+    FootprintSettings, NONE, ObstacleSettings, POLYGON_INSTANCE, Settings, Spec, specs, TF)
 
 _LISTS = {'footprints': DEFAULT_FOOTPRINT, 'obstacles': DEFAULT_SOURCE}
 # Parameters that every node of rclpy has.
 _OF_EVERY_NODE = ('qos_overrides', 'start_type_description_service', 'use_sim_time')
 # Former parameters of a source, and what to do instead.
-_REMOVED = {'set_quiet': 'remove it: a pause does not end a set, which ends with an empty polygon '
-                         'of its stamp, or when the next one begins'}
+_REMOVED = {
+    'set_quiet': 'remove it: a pause does not end a set; declare what does with set_end',
+    'set_window': 'remove it: stamps do not tell which polygons are a set; declare with set_end '
+                  "what ends one: 'empty_polygon', or 'new_stamp' where all have one stamp",
+    'settle_time': "remove it: a pause does not end a map; set set_end to 'empty_polygon' and "
+                   'send an empty polygon after its last obstacle',
+    'accumulate': "remove it: with set_end 'none', the default, each polygon counts until its "
+                  'timeout'}
 _TYPES = {bool: 'true or false', int: 'a whole number', float: 'a double', str: 'a text',
           list: 'a list of texts'}
 _RESERVED = frozenset((*specs(Settings), *_OF_EVERY_NODE))
@@ -166,6 +172,14 @@ def read_settings(footprints: Iterable[str], obstacles: Iterable[str],
         if source.moving and source.type != POLYGON_INSTANCE:
             raise ParameterError(f'{source.name}.moving: only ids tell which obstacle has moved: '
                                  f'set {source.name}.type to {POLYGON_INSTANCE}')
+        if source.moving and source.set_end != NONE:
+            raise ParameterError(f'{source.name}.moving: obstacles that move are known by their '
+                                 f'ids alone: set {source.name}.set_end to {NONE}')
+        if not source.timeout and source.set_end not in (EMPTY_POLYGON, EACH_MESSAGE):
+            raise ParameterError(
+                f'{source.name}.timeout is 0.0, for a map, which must say where it ends: set '
+                f'{source.name}.set_end to {EMPTY_POLYGON} and send an empty polygon after its '
+                f'last obstacle, or to {EACH_MESSAGE} if it is a single polygon')
     check_outlines(settings)
     return settings
 

@@ -17,10 +17,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Container, Mapping, Sequence, Set
+from collections.abc import Callable, Collection, Mapping, Sequence, Set
 from itertools import chain
 import math
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from sat_collision.geometry.polygon import PackedBody, Polygon
 from sat_collision.geometry.polygon_set import Point
@@ -31,7 +31,8 @@ from sat_collision.scene.frames import in_quotes
 from sat_collision.scene.obstacle_store import OTHER_FRAME
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.prediction import predict, Prediction, velocity_of
-from sat_collision.scene.settings import FootprintSettings, NEVER, ObstacleSettings, Settings
+from sat_collision.scene.settings import (
+    EMPTY_POLYGON, FootprintSettings, NEVER, ObstacleSettings, Settings)
 from sat_collision.scene.sources import Source
 from sat_collision.scene.streams import CONTINUES, Endpoint
 from sat_collision.scene.velocity import Command, Velocity, Vertices
@@ -51,7 +52,7 @@ _NO_SOURCE = 'no obstacle source is enabled'
 _NONE_OF_THEM = 'none of its obstacle sources is enabled'
 _NOT_RECEIVED = 'has not been received yet'
 _CHANGED = 'has not been received since its publisher changed'
-_CLOCK_WAS_SET_BACK = 'has not been received since the clock was set back'
+_CLOCK_WAS_SET_BACK = 'has not been received since the clock was set'
 
 # An obstacle, its separation (m) from a footprint, and the closest points of the two.
 Nearest: TypeAlias = tuple[ObstacleId, float, Point, Point]
@@ -88,8 +89,6 @@ class Scene:
         self.frame_id = settings.frame_id
         # Earliest time after which anything may change without a message.
         self.deadline: float = NEVER
-        # Names of footprints and sources with messages waiting for transforms: maps do not settle.
-        self.waiting: Container[str] = ()
         # Whether the motion of all footprints is tracked, not only where a state depends on it.
         self.tracks_motion = False
         self._now = 0
@@ -97,7 +96,8 @@ class Scene:
         # Whether contacts of footprints are decided; if not, only what is unknown is found.
         self.decides_contacts = decides_contacts
         self._contacts = (Contacts if decides_contacts else NoContacts)(settings.margin)
-        self._sources = {source.name: Source(source, self._contacts)
+        self._future_tolerance = round(settings.future_tolerance * 1e9)
+        self._sources = {source.name: Source(source, self._contacts, self._future_tolerance)
                          for source in settings.obstacles}
         self._footprints = {footprint.name: Footprint(footprint)
                             for footprint in settings.footprints}
@@ -130,7 +130,7 @@ class Scene:
         """
         self._use(settings)
         for source in settings.obstacles:
-            self._sources[source.name].configure(source, self._now)
+            self._sources[source.name].configure(source, self._future_tolerance, self._now)
         for new in settings.footprints:
             footprint = self._footprints[new.name]
             if new.enabled != footprint.settings.enabled:
@@ -203,7 +203,8 @@ class Scene:
     def track_obstacle(self, name: str, instance: int, vertices: Vertices, stamp: int,
                        now: int) -> None:
         """Track an obstacle just received that may move: its vertices in the order sent."""
-        self._sources[name].track(instance, min(stamp or now, now), vertices)
+        stamp = stamp or now
+        self._sources[name].track(instance, stamp, min(stamp, now), vertices)
 
     def command(self, name: str, command: Command) -> None:
         """Receive the velocity command of a footprint."""
@@ -241,31 +242,36 @@ class Scene:
             self._evaluate()
 
     def obstacle(self, name: str, body: PackedBody | None, frame_id: str, stamp: int, now: int,
-                 instance: int | None = None, number: int | None = None) -> str | None:
+                 instance: int | None = None, number: int | None = None,
+                 sent: Any = None) -> str | None:
         """
         Receive a message of a source of obstacles, with the obstacle's id if the source gives ids.
 
-        The body of an empty polygon, which ends a set or a map, is None. Return the reason if the
-        message is refused: FROM_FUTURE, OTHER_FRAME, TOO_MANY or TOO_OLD.
+        The body of an empty polygon is None. What `follow_frame` needs to place a body anew is
+        `sent`. Return the reason if the message is refused: FROM_FUTURE, OTHER_FRAME, TOO_MANY or
+        TOO_OLD.
         """
         if now != self._now:
             self.pass_time(now)
         source = self._sources[name]
         if not source.settings.enabled:
             return None
-        faults, listing = source.faults, source.listing
+        faults, knowledge = source.faults, source.knowledge
         if stamp > now and self._is_from_future(stamp):
-            # Such a stamp belongs to no set, and an empty polygon to no instance.
-            refusal = source.receive(None, frame_id, None, now,
-                                     None if body is None else instance, number, FROM_FUTURE)
+            if body is None and source.settings.set_end == EMPTY_POLYGON:
+                # It ends a set all the same; of its stamp nothing is used.
+                source.receive(None, frame_id, 0, now, None, number)
+                refusal: str | None = FROM_FUTURE
+            else:
+                refusal = source.receive(None, frame_id, None, now, instance, number, FROM_FUTURE)
         elif body is not None and self.frame_id and frame_id != self.frame_id:
             refusal = source.receive(None, frame_id, stamp, now, instance, number, OTHER_FRAME)
         else:
-            refusal = source.receive(body, frame_id, stamp, now, instance, number)
+            refusal = source.receive(body, frame_id, stamp, now, instance, number, sent=sent)
         due = (stamp if stamp and stamp < now else now) + source.timeout
         if due < self.deadline:
             self.deadline = due
-        if source.faults is not faults or source.listing is not listing:
+        if source.faults is not faults or source.knowledge is not knowledge:
             self._follow_up(source)
         elif self._contacts.changed:
             self._evaluate()
@@ -278,7 +284,7 @@ class Scene:
 
         If no contacts are decided it may also begin a set.
         """
-        if name in self.waiting or self.frame_id and frame_id != self.frame_id:
+        if self.frame_id and frame_id != self.frame_id:
             return 0
         if now != self._now:
             self.pass_time(now)
@@ -353,35 +359,70 @@ class Scene:
         self._sources[name].renew(self._now)
         self._reevaluate_all()
 
+    def interrupt(self, name: str) -> None:
+        """Record that the next message of a name is not known to continue the one before."""
+        receiver: Footprint | Source = self._sources.get(name) or self._footprints[name]
+        receiver.stream.interrupt()
+
+    def mix(self, name: str, is_mixed: bool) -> None:
+        """Begin or end a time at which messages of a source may be of any publisher."""
+        self._sources[name].mix(is_mixed, self._now)
+        self._follow_up(self._sources[name])
+
+    def wait(self, name: str, waits: bool) -> None:
+        """Record whether a message of a source waits for its transform."""
+        source = self._sources.get(name)
+        if source is not None:
+            source.wait(waits, self._now)
+            self._follow_up(source)
+
+    def receive_early(self, name: str, body: PackedBody, frame_id: str, stamp: int) -> None:
+        """Let an obstacle count that waits behind a message without a transform."""
+        self._sources[name].receive_early(body, frame_id, stamp, self._now)
+        self._evaluate()
+
+    def follow_frame(self, name: str, frame_id: str,
+                     body_of: Callable[[Any], PackedBody | None]) -> None:
+        """Place the obstacles of a map that were sent in a frame anew, where that is now."""
+        self._sources[name].follow_frame(frame_id, body_of, self._now)
+        self._follow_up(self._sources[name])
+
+    def joined(self, name: str) -> int:
+        """Return the number of the listing that the last obstacle of a source joined, or 0."""
+        return self._sources[name].knowledge.joined if name in self._sources else 0
+
+    def map_frames(self, name: str) -> set[str]:
+        """Return the other frames in which obstacles of a map were sent."""
+        return self._sources[name].frames
+
+    def limit_frames(self, name: str, fault: str, deadline: float) -> None:
+        """Record why a frame of a map cannot be followed, or until when all can."""
+        self._sources[name].limit_frames(fault, deadline, self._now)
+        self._follow_up(self._sources[name])
+
     def stop_clock(self, stands: bool) -> None:
         """Record whether the clock stands still, so that nothing can become too old."""
         if stands != self._clock_stands:
             self._clock_stands = stands
             self._reevaluate_all()
 
-    def pass_time(self, now: int, is_all_taken: bool = True) -> None:
+    def pass_time(self, now: int) -> None:
         """
-        Let time pass: bodies become too old, sources fall silent, maps settle.
+        Let time pass: bodies become too old, sources fall silent.
 
-        No map settles because the clock starts, nor while messages may still be queued and
-        `is_all_taken` is false. A step back (a recording starts again, a simulation is reset)
-        drops all that depends on times.
+        By a step back of more than `future_tolerance` (a recording starts again, a simulation is
+        reset) all begins anew, as by `set_clock`.
         """
         last, self._now = self._now, now
-        if not (is_all_taken and last):
-            for source in self._sources.values():
-                source.listing.wait(now)
         if 0 < last <= now <= self.deadline:
             return
-        if now < last:
-            self._set_back(now)
+        if now < last - self._future_tolerance:
+            self.set_clock(now)
         for footprint in self._footprints.values():
             if footprint.deadline < now:
                 self._contacts.changed.add(footprint)
-        for name, source in self._sources.items():
+        for source in self._sources.values():
             if source.deadline < now:
-                if name in self.waiting:
-                    source.listing.wait(now)
                 source.pass_time(now)
         self.deadline = min(chain(
             (source.deadline for source in self._sources.values()),
@@ -409,14 +450,29 @@ class Scene:
                 if obstacle.row in rows and (polygon := obstacle.polygon) is not None]
 
     @property
+    def source_summaries(self) -> list[tuple[str, str]]:
+        """What is known of each source, and how it would release obstacles sooner."""
+        return [(source.summary, source.advice) for source in self._sources.values()]
+
+    @property
     def source_faults(self) -> tuple[str, ...]:
         """Why sources of obstacles cannot be trusted, in sentences."""
         return tuple(chain.from_iterable(source.faults for source in self._sources.values()))
+
+    @property
+    def source_names(self) -> Collection[str]:
+        """The names of the sources of obstacles."""
+        return self._sources
 
     def settings_of(self, name: str) -> FootprintSettings | ObstacleSettings:
         """Return the settings of a footprint or source by its name."""
         source = self._sources.get(name)
         return source.settings if source else self._footprints[name].settings
+
+    def footprint_timeout(self, source: str) -> float:
+        """Return the least timeout in s of the footprints that monitor a source; 0.0 for none."""
+        return min((one.timeout for one in self.settings.footprints
+                    if one.timeout and one.monitors(source)), default=0.0)
 
     def unknown_reasons(self, name: str) -> tuple[str, ...]:
         """Return why contacts of a footprint may be unknown, empty if all are known."""
@@ -456,7 +512,7 @@ class Scene:
     def state(self, name: str) -> State:
         """Return the State of a footprint at the last time passed."""
         footprint = self._footprints[name]
-        age = None if footprint.time is None else (self._now - footprint.time) / 1e9
+        age = None if footprint.time is None else max(self._now - footprint.time, 0) / 1e9
         status, reasons = footprint.evaluation
         return State(status, footprint.contacts_reported, reasons, age)
 
@@ -515,8 +571,9 @@ class Scene:
                     found[one.name] = max(found.get(one.name, known), known)
         return {obstacle: (time - footprint.time) / 1e9 for obstacle, (_, time) in found.items()}
 
-    def _set_back(self, now: int) -> None:
-        """Drop all that depends on times, after the clock was set back."""
+    def set_clock(self, now: int) -> None:
+        """Begin anew, because the clock was set: the times of all that is there are of another."""
+        self._now = now
         self.frame_id = self.settings.frame_id
         for footprint in self._footprints.values():
             footprint.set_back(now)

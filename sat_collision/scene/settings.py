@@ -25,6 +25,9 @@ from sat_collision.scene.velocity import VELOCITY_LASTS
 
 POLYGON = 'polygon'
 POLYGON_INSTANCE = 'polygon_instance'
+# What ends a set of obstacles.
+NONE, EMPTY_POLYGON, NEW_STAMP, EACH_MESSAGE = SET_ENDS = (
+    'none', 'empty_polygon', 'new_stamp', 'each_message')
 
 # Times are ints in ns; this one is later than all.
 NEVER = float('inf')
@@ -146,28 +149,24 @@ class ObstacleSettings:
         "topic of the obstacles, one polygon per message; by default the source's name, but "
         f'{DEFAULT_SOURCE_TOPIC} for the source {DEFAULT_SOURCE}'))
     type: str = field(default=POLYGON, metadata=_setting(  # noqa: A003, the parameter's name
-        'polygon is geometry_msgs/PolygonStamped, whose stamps make sets; polygon_instance is '
-        'PolygonInstanceStamped, whose ids identify obstacles',
+        'polygon is geometry_msgs/PolygonStamped; polygon_instance is PolygonInstanceStamped, '
+        'whose ids identify obstacles',
         choices=(POLYGON, POLYGON_INSTANCE)))
+    set_end: str = field(default=NONE, metadata=_setting(
+        'what the publisher ends each set of obstacles with, a set being all that it sees: '
+        'empty_polygon; new_stamp, where all polygons of a set have one stamp and the next set a '
+        'newer one; each_message, where each is a set of one. none, where nothing is known of '
+        'sets, is always safe, but releases an obstacle only one timeout after it was last sent',
+        choices=SET_ENDS, safety=True))
     timeout: float = field(default=2.0, metadata=_setting(
-        's; older obstacles are forgotten, and a source without a whole set or a message for this '
-        'long makes the footprints unknown; 0.0 for never, as a latched map needs',
+        's; within this the publisher must send all that it sees; older obstacles are forgotten, '
+        'and a source that is older makes the footprints unknown; 0.0 for never, as a map needs',
         live=True, safety=True, limits=(0.0, _DAY)))
     enabled: bool = field(default=True, metadata=_setting(
         'false ignores the source and drops its obstacles', live=True, safety=True))
-    set_window: float = field(default=0.02, metadata=_setting(
-        's; messages stamped within this time of the first of a set are different obstacles of '
-        'that set; it ends with an empty polygon of its stamp, or with the next set', live=True,
-        safety=True, limits=(0.0, 60.0)))
-    settle_time: float = field(default=1.0, metadata=_setting(
-        's; with a timeout of 0.0, a map that no empty polygon ends is complete when nothing of '
-        'it has come for this long', live=True, safety=True, limits=(0.1, 60.0)))
-    accumulate: bool = field(default=False, metadata=_setting(
-        'true keeps every polygon until its timeout, for publishers that send obstacles one by '
-        'one', live=True, safety=True))
-    max_count: int = field(default=10_000, metadata=_setting(
-        'max number of obstacles: a set that has it is whole; more are refused and make the '
-        'footprints unknown', live=True, safety=True, limits=(1, 1_000_000)))
+    max_count: int = field(default=100_000, metadata=_setting(
+        'max number of obstacles of a set; with set_end none, of all within one timeout; more '
+        'are refused and make the footprints unknown', live=True, safety=True, limits=(1, 1_000_000)))
     moving: bool = field(default=False, metadata=_setting(
         'true predicts contacts as if each obstacle kept its velocity between the last two '
         'messages of its id, so type must be polygon_instance; false as if all stood still',

@@ -16,211 +16,306 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TypeAlias
+from collections.abc import Callable, Sequence
+from typing import Any, TypeAlias
 
-import numpy as np
-from sat_collision.geometry.polygon import PackedBody, size_of
+from sat_collision.geometry.polygon import PackedBody
 from sat_collision.geometry.run import Run
 from sat_collision.scene.contacts import Contacts
-from sat_collision.scene.knowledge import Keys, LOSS, Maps, Sets
-from sat_collision.scene.obstacle_store import KeyedGroup, ObstacleStore, SetGroup, TOO_MANY
-from sat_collision.scene.obstacles import Key
+from sat_collision.scene.knowledge import Listings, Message, Refreshed
+from sat_collision.scene.obstacle_store import ObstacleGroup, ObstacleStore, SetGroup
 from sat_collision.scene.settings import (
-    BY_ANOTHER_CLOCK, FAR, NEVER, ObstacleSettings, POLYGON_INSTANCE)
-from sat_collision.scene.streams import BEGUN, CONTINUES, Endpoint, JOINED, News, Stream
+    BY_ANOTHER_CLOCK, EACH_MESSAGE, EMPTY_POLYGON, FAR, NEVER, NEW_STAMP, NONE, ObstacleSettings,
+    POLYGON_INSTANCE)
+from sat_collision.scene.streams import BEGUN, CONTINUES, Endpoint, JOINED, Stream
 from sat_collision.scene.velocity import MotionTracker, Vertices
 
 TOO_OLD = 'too old'
 
-# Max interrupted listings whose obstacles are kept.
 _MAX_FORMER = 20
+_RULES = {EMPTY_POLYGON: 'empty polygon', NEW_STAMP: 'new stamp', EACH_MESSAGE: 'each message'}
 
-_Listing: TypeAlias = Sets | Keys | Maps
-_Group: TypeAlias = SetGroup | KeyedGroup
+_Knowledge: TypeAlias = Listings | Refreshed
 
 
 class Source:
     """
-    One topic of obstacles: its stream, its kind of listing, and the obstacles themselves.
+    One topic of obstacles: its stream, what is known of it, and the obstacles themselves.
 
-    Polygons with stamps come in sets; those of stamp 0, and all of a source that accumulates, are
-    identified by their shape; instances by their id; with a timeout of 0 they make a map. The
-    obstacles of an interrupted listing stay until their timeout, beside those of the next listing.
+    The obstacles of an interrupted listing stay until their timeout, beside those of the next
+    one; without a timeout, until that is whole.
 
     Times are in ns. A message counts from its stamp, or from now if that is 0 or in the future.
-    One past its timeout is refused as TOO_OLD.
+    Clocks may differ by the tolerance.
     """
 
-    def __init__(self, settings: ObstacleSettings, contacts: Contacts) -> None:
+    def __init__(self, settings: ObstacleSettings, contacts: Contacts, tolerance: int) -> None:
         self.settings = settings
         self.store = ObstacleStore(settings.name, contacts)
         self.stream = Stream()
         # Why the source cannot be trusted, as sentences; empty if it can. The same object until
         # they change.
         self.faults: tuple[str, ...] = ()
-        # The current listing of its publisher: a new object whenever that starts over.
-        self.listing: _Listing = Sets(self.store)
+        # Why its frame cannot be followed, as the end of a sentence; empty if it can, and after
+        # which time it cannot.
+        self._frame_fault = ''
+        self._frame_deadline: float = NEVER
+        # Whether a message waits for its transform; and obstacles received behind that one.
+        self._waits = False
+        self._early: SetGroup | None = None
         # Groups of listings that were interrupted.
-        self._former: list[_Group] = []
+        self._former: list[ObstacleGroup] = []
+        # While the publishers change: the group of what any of them sends.
+        self._mixed: SetGroup | None = None
         # Whether stamps are those of another clock, see FAR.
         self._is_far = False
-        # Whether the listing was known when faults were last found.
+        # Whether all was known when faults were last found.
         self._was_known = False
         self.timeout: float = NEVER
-        self.configure(settings, now=0)
+        self._tolerance = tolerance
+        self._use(settings)
+        # What is known of its publisher: a new object whenever that starts over.
+        self.knowledge: _Knowledge = self._new_knowledge()
+        self._find_faults(0)
 
-    def configure(self, settings: ObstacleSettings, now: int) -> None:
-        """Apply settings; a disabled source drops all that it has received."""
-        before, self.settings = self.settings, settings
+    def _use(self, settings: ObstacleSettings) -> None:
+        self.settings = settings
         self.timeout = self.stream.timeout = round(settings.timeout * 1e9) or NEVER
         self.store.max_count = settings.max_count
-        self._by_id = settings.type == POLYGON_INSTANCE
-        # The kinds of listing for messages with a stamp, and for those of stamp 0.
-        self._stamped: type[_Listing] = Sets
-        self._unstamped: type[_Listing] = Keys
-        if self.timeout == NEVER:
-            self._stamped = self._unstamped = Maps
-        elif self._by_id or settings.accumulate:
-            self._stamped = Keys
-        self._follow(CONTINUES, None, now)
+
+    def _new_knowledge(self) -> _Knowledge:
+        is_refreshed = self.settings.set_end == NONE and self.timeout < NEVER
+        return (Refreshed if is_refreshed else Listings)(
+            self.store, self.settings, self._tolerance)
+
+    def configure(self, settings: ObstacleSettings, tolerance: int, now: int) -> None:
+        """Apply settings; a disabled source drops all that it has received."""
+        before, self._tolerance = self.settings, tolerance
+        self._use(settings)
         if settings.enabled != before.enabled:
             self.stream.interrupt()
-            self._forget_all(now, wants_history=settings.enabled)
-        self.listing.configure(settings, now)
+            self._begin_anew(now, wants_history=settings.enabled)
+            self._drop_former(all_of_them=True)
+        self.knowledge.configure(settings, tolerance, now)
         self.pass_time(now)
         if settings != before:
             self.request_history()
 
     @property
+    def rule(self) -> str:
+        """The rule by which its obstacles are known, in words."""
+        if isinstance(self.knowledge, Listings):
+            return _RULES.get(self.settings.set_end, 'none')
+        return 'ids' if self.settings.type == POLYGON_INSTANCE else 'timeout'
+
+    @property
+    def summary(self) -> str:
+        """What is known of it, in words."""
+        if not self.settings.enabled:
+            return 'disabled'
+        knowledge = self.knowledge
+        count = f'{knowledge.count} obstacle{"s" * (knowledge.count != 1)}'
+        if isinstance(knowledge, Refreshed):
+            return f'{count} of the last {self.settings.timeout:g} s, by {self.rule}'
+        rate = f', {knowledge.rate:.3g} listings/s' if knowledge.rate else ''
+        return f'{count} of the last whole listing{rate}, by {self.rule}'
+
+    @property
+    def advice(self) -> str:
+        """How obstacles that have gone are released sooner, empty if they are at once."""
+        knowledge = self.knowledge
+        if not isinstance(knowledge, Refreshed) or self.settings.type == POLYGON_INSTANCE:
+            return ''
+        advice = (f'obstacles of {self.settings.name} are released only '
+                  f'{self.settings.timeout:g} s after they were last sent: to release them at '
+                  'once, send an empty polygon after the last one of each set, and set '
+                  f'{self.settings.name}.set_end: {EMPTY_POLYGON}')
+        if knowledge.together:
+            advice += (f'; {knowledge.together} polygons come with each stamp: if that is always '
+                       f'all, set_end: {NEW_STAMP} does so, too')
+        return advice
+
+    @property
     def wants_history(self) -> bool:
         """Whether the messages that a publisher keeps are needed again."""
-        return self.listing.wants_history and self.settings.enabled
+        return self.knowledge.wants_history and self.settings.enabled
 
     def request_history(self) -> None:
         """Request a map again of which something is missing, as it may be taken now."""
-        if isinstance(self.listing, Maps) and (
-                not self.listing.is_known or self.store.refusals.total()):
-            self.listing.wants_history = True
+        if self.timeout == NEVER and (not self.knowledge.is_known or self.store.refusals.total()):
+            self.knowledge.wants_history = True
 
     @property
     def deadline(self) -> float:
         """Time in ns after which something changes without a message."""
-        return min(self.listing.deadline, self.stream.mixed_until,
+        return min(self.knowledge.deadline, self.stream.mixed_until, self._frame_deadline,
                    *(group.oldest + self.timeout for group in self._former))
 
     def pass_time(self, now: int) -> None:
-        """Let time pass: drop obstacles that are too old, and settle a map after a pause."""
+        """Let time pass: drop obstacles that are too old."""
         self.stream.pass_time(now)
-        self.listing.pass_time(now)
+        self.knowledge.pass_time(now)
         for group in self._former:
             group.forget_before(now - self.timeout)
         self._drop_former()
         self._find_faults(now)
 
     def set_back(self, now: int) -> None:
-        """Drop all but maps, because the clock was set back."""
+        """Begin anew because the clock was set; what was told counts for one more timeout."""
         self.stream.set_back(now)
-        if isinstance(self.listing, Maps):
-            self.listing.wait(now)
-        else:
-            self._forget_all(now, wants_history=False)
-            self.listing.since = 'since the clock was set back'
+        if self.timeout < NEVER:
+            self.stream.interrupt()
+            self._begin_anew(now)
+            self._count_from(now)
+            self.knowledge.since = 'since the clock was set'
         self._find_faults(now)
 
     def update_publishers(self, endpoints: Sequence[Endpoint], now: int) -> None:
-        """Update the publishers; a change of them may start a new listing."""
+        """Update the publishers; a change of them may start over what is known."""
         if self.stream.update(endpoints):
-            self._begin_anew(type(self.listing), now, wants_history=True)
+            self._begin_anew(now, wants_history=True)
         self._drop_former()
         self._find_faults(now)
 
     def renew(self, now: int) -> None:
         """Start over with a new subscription, to which the publisher sends all that it keeps."""
         self.stream.restart()
-        self._begin_anew(type(self.listing), now)
+        self._begin_anew(now)
         self._find_faults(now)
 
+    def mix(self, is_mixed: bool, now: int) -> None:
+        """
+        Begin or end a time at which messages may be of any publisher, because these change.
+
+        What comes then counts as obstacles that were told before, and ends nothing.
+        """
+        self.stream.interrupt()
+        self._begin_anew(now)
+        self._mixed = self.store.new_set() if is_mixed else None
+        if self._mixed is not None:
+            self._former.append(self._mixed)
+        self._find_faults(now)
+
+    def wait(self, waits: bool, now: int) -> None:
+        """Record whether a message waits for its transform: until then no map is known."""
+        self._waits = waits
+        if not waits and self._early is not None:
+            self._early.clear()
+            self._early = None
+        self._find_faults(now)
+
+    def receive_early(self, body: PackedBody, frame_id: str, stamp: int, now: int) -> None:
+        """Let an obstacle count that waits behind a message without a transform."""
+        if self._early is None:
+            self._early = self.store.new_set()
+        self._early.take(body, frame_id, min(stamp or now, now))
+
+    def follow_frame(self, frame_id: str, body_of: Callable[[Any], PackedBody | None],
+                     now: int) -> None:
+        """Place the obstacles of a map that were sent in a frame anew, where that is now."""
+        for group in self.store.groups:
+            if isinstance(group, SetGroup) and frame_id in group.frames:
+                group.place_anew(frame_id, body_of)
+        self._find_faults(now)
+
+    def limit_frames(self, fault: str, deadline: float, now: int) -> None:
+        """Record why a frame of a map cannot be followed, or until when all can."""
+        if (fault, deadline) != (self._frame_fault, self._frame_deadline):
+            self._frame_fault, self._frame_deadline = fault, deadline
+            self._find_faults(now)
+
+    @property
+    def frames(self) -> set[str]:
+        """The other frames in which obstacles of a map were sent."""
+        return set().union(*(group.frames for group in self.store.groups
+                             if isinstance(group, SetGroup)))
+
     def receive(self, body: PackedBody | None, frame_id: str, stamp: int | None, now: int,
-                instance: int | None, number: int | None,
-                refusal: str | None = None) -> str | None:
+                instance: int | None, number: int | None, refusal: str | None = None,
+                sent: Any = None) -> str | None:
         """
         Receive a message; return the reason if it is refused, by the caller or here.
 
         The body of an empty polygon, or of a message that the caller refuses, is None; so is a
-        stamp that could not be read or cannot be trusted.
+        stamp that could not be read or cannot be trusted. One past its timeout counts, but makes
+        nothing known, and TOO_OLD is returned. What a map needs to be placed anew is `sent`.
         """
         news = self.stream.receive(number, now)
-        is_end = body is None and not refusal
-        if news is not CONTINUES or not stamp or type(self.listing) is not self._stamped:
-            self._follow(news, stamp or None if is_end else stamp, now)
-        listing = self.listing
-        time = stamp if stamp and stamp < now else now
+        time = min(stamp or now, now)
         is_old = time + self.timeout < now
         if is_old or self._is_far:
             self._is_far = is_old and (self._is_far or now - time > FAR)
-        if is_end:
-            listing.end(news, stamp or 0, time, now)
-            self._drop_former()
-        elif (key := 0 if stamp and type(listing) is Sets
-              else self._key_of(body, instance)) is None:
-            listing.spoil(f'a message was refused: {refusal}', now)
+        if self._mixed is not None:
+            if body is not None:
+                self._mixed.take(body, frame_id, time)
+            return refusal
+        if news is JOINED or news is BEGUN:
+            self._begin_anew(now)
+        elif stamp and stamp + self.timeout < self.knowledge.newest and self.timeout < NEVER:
+            # The clock of its publisher was set back.
+            news = JOINED
+            self._begin_anew(now)
+            self._count_from(now)
+        knowledge = self.knowledge
+        if refusal and stamp is None:
+            knowledge.spoil(f'a message was refused: {refusal}', now)
         else:
-            if stamp is not None:
-                group: _Group = listing.receive(news, stamp, time, now)
+            message = Message(news, stamp or now, time, bool(stamp), body, frame_id, refusal,
+                              instance, sent)
+            if body is None and not refusal:
+                knowledge.end(message, now)
             else:
-                group = listing.groups[-1]
-                if news is not CONTINUES:
-                    listing.spoil(LOSS, now)
-            if not is_old:
-                taken = group.take(key, body, frame_id, time, refusal)
-                if taken is TOO_MANY and not isinstance(listing, Sets):
-                    listing.spoil(f'there were {TOO_MANY}', now)
-                refusal = refusal or taken
+                refusal = knowledge.receive(message, now)
+        self._drop_former()
         if is_old:
-            refusal = TOO_OLD
-        if listing.is_known is not self._was_known or news is not CONTINUES or (
+            refusal = refusal or TOO_OLD
+            if not knowledge.is_known:
+                knowledge.pass_time(now)
+        if knowledge.is_known is not self._was_known or news is not CONTINUES or (
                 self.faults or refusal):
             self._find_faults(now)
         return refusal
 
-    def track(self, instance: int, time: int, vertices: Vertices) -> None:
+    def track(self, instance: int, stamp: int, time: int, vertices: Vertices) -> None:
         """Track an obstacle by its id, vertices in the order sent, unless it is newer."""
-        obstacle = None if isinstance(self.listing, Sets) else self.listing.group.get(instance)
-        if obstacle is not None and obstacle.time == time:
+        by_id = self.knowledge.by_id if isinstance(self.knowledge, Refreshed) else None
+        obstacle = by_id.get(instance) if by_id is not None else None
+        if obstacle is not None and obstacle.stamp == stamp:
             obstacle.motion = obstacle.motion or MotionTracker()
             obstacle.motion.place(time, vertices)
 
     def receive_run(self, run: Run, frame_id: str, stamp: int, number: int | None,
                     now: int) -> int:
         """
-        Receive messages that add to the set of the one before, as `receive` would one by one.
+        Receive messages that add to those of the one before, as `receive` would one by one.
 
-        If no contacts are decided they may also begin a set.
+        If no contacts are decided they may also have another stamp than the one before.
 
         Return how many were taken; the next one may be refused, may meet a footprint, or may end
         the set, and must be received by itself.
         """
-        listing, stream = self.listing, self.stream
+        knowledge, stream = self.knowledge, self.stream
         expected = stream.next
-        if (not isinstance(listing, Sets) or expected is None or number not in (None, expected)
-                or stream.awaits_endpoint
-                or self._is_far or not 0 < stamp <= now <= stamp + self.timeout):
+        if (expected is None or number not in (None, expected) or stream.awaits_endpoint
+                or self._mixed is not None or self._is_far
+                or not 0 < stamp <= now <= stamp + self.timeout):
             return 0
-        # The message that reaches max_count may end the set.
-        limit = self.settings.max_count - 1
-        current = listing.set_to_extend(stamp)
-        if current is not None:
-            taken = current.group.take_run(run, limit - current.count, frame_id, stamp)
-        elif taken := self.store.contacts.count_unplaced(run, limit):
-            current = listing.set_of(stamp, now)
-            taken = current.group.add_run(min(taken, limit - current.count), frame_id, stamp)
+        if extended := knowledge.group_to_extend(stamp):
+            group, room = extended
+            taken = group.take_run(run, room, frame_id, stamp)
+        elif self.settings.set_end != EACH_MESSAGE and self.settings.type != POLYGON_INSTANCE and (
+                stamp + self.timeout >= knowledge.newest) and (
+                taken := self.store.contacts.count_unplaced(run, self.settings.max_count)):
+            message = Message(CONTINUES, stamp, stamp, True)
+            knowledge.begin_run(message, now)
+            taken = knowledge.group_for(message, now).add_run(
+                min(taken, self.settings.max_count - knowledge.count), frame_id, stamp)
         else:
             return 0
         if taken:
-            current.count += taken
+            knowledge.gather(stamp, taken)
             stream.next = expected + taken
-            if self.faults or listing.is_known is not self._was_known:
+            if self.faults or knowledge.is_known is not self._was_known:
                 self._find_faults(now)
         return taken
 
@@ -230,68 +325,52 @@ class Source:
             group.refuse_other_frames(frame_id)
         self._find_faults(now)
 
-    def _follow(self, news: News, stamp: int | None, now: int) -> None:
-        """Begin another listing if a stream begins, or the kind of listing changes."""
-        kind: type[_Listing] = type(self.listing)
-        if stamp is not None:
-            kind = self._stamped if stamp else self._unstamped
-        elif kind not in (self._stamped, self._unstamped):
-            kind = self._stamped
-        if news is JOINED or news is BEGUN or kind is not type(self.listing):
-            self._begin_anew(kind, now)
-
-    def _key_of(self, body: PackedBody | None, instance: int | None) -> Key | None:
-        """Return the id or shape of an obstacle, None if unknown or in a set."""
-        if isinstance(self.listing, Sets):
-            return None
-        if self._by_id:
-            return instance
-        # The bytes of the packed body: equal for equal bodies, and only for these.
-        return None if body is None else np.asarray(body[0])[:size_of(body)].tobytes()
-
-    def _begin_anew(self, kind: type[_Listing], now: int, wants_history: bool = False) -> None:
-        """Begin another listing; obstacles of the former one stay until their timeout."""
-        for group in self.listing.groups:
+    def _begin_anew(self, now: int, wants_history: bool = False) -> None:
+        """Begin to know anew; obstacles received before stay until their timeout."""
+        for group in self.knowledge.groups:
             group.forget_refused()
             group.forget_before(now - self.timeout)
             if group.oldest < NEVER:
                 self._former.append(group)
             else:
                 group.clear()
-        self.listing = kind(self.store)
-        self.listing.configure(self.settings, now)
-        self.listing.wants_history = wants_history and kind is Maps
+        self.knowledge = self._new_knowledge()
+        self.knowledge.wants_history = wants_history and self.timeout == NEVER
         self._drop_former()
 
-    def _forget_all(self, now: int, wants_history: bool) -> None:
-        self._begin_anew(type(self.listing), now, wants_history)
+    def _count_from(self, now: int) -> None:
+        """Let all that was received before count from now: its times are of another clock."""
         for group in self._former:
-            group.clear()
-        self._former.clear()
+            group.set_times(now)
 
-    def _drop_former(self) -> None:
+    def _drop_former(self, all_of_them: bool = False) -> None:
         """Drop former listings that have expired, are replaced, or are too many."""
-        is_replaced = (self.timeout == NEVER and self.listing.is_known
-                       and self.stream.is_alone)
+        is_replaced = all_of_them or (
+            self.timeout == NEVER and self.knowledge.is_known and self.stream.is_alone)
         for k, group in reversed([*enumerate(self._former)]):
-            if is_replaced or group.oldest == NEVER or k < len(self._former) - _MAX_FORMER:
+            if group is not self._mixed and (is_replaced or group.oldest == NEVER
+                                             or k < len(self._former) - _MAX_FORMER):
                 del self._former[k]
                 group.clear()
 
     def _find_faults(self, now: int) -> None:
         """Update the faults of the source."""
-        if self._was_known and not self.listing.is_known:
-            # Obstacles kept while the last whole set was valid may be too old.
-            self.listing.pass_time(now)
-        self._was_known = self.listing.is_known
+        if self._was_known and not self.knowledge.is_known:
+            # Obstacles kept while the last whole listing was valid may be too old.
+            self.knowledge.pass_time(now)
+        self._was_known = self.knowledge.is_known
         faults: tuple[str, ...] = ()
         if self.settings.enabled:
             words = self.stream.faults()
-            problem = self.listing.problem(now)
+            problem = self.knowledge.problem(now)
             if problem and not words:
                 if self._is_far:
                     problem = f'has stamps that are {BY_ANOTHER_CLOCK}'
                 words = ['; '.join((problem, *self.stream.hints()))]
+            if self._frame_fault or self._frame_deadline < now:
+                words.append(self._frame_fault or 'is a map in a frame whose transform is too old')
+            if self._waits and self.timeout == NEVER:
+                words.append('waits for the transform of a part of its map')
             words += [f'sent what was refused: {reason}'
                       for reason in sorted(+self.store.refusals)]
             faults = tuple(f'obstacle source {self.settings.name} on {self.settings.topic} {word}'

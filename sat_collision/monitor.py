@@ -131,7 +131,8 @@ class Monitor:
         batch = Batch(messages, number) if name in self.ingest.headers else None
         taken = 0
         while taken < len(messages):
-            if batch and name not in self.waiting and (run := self.ingest.take_run(name, batch, taken, now)):
+            if batch and name not in self.waiting and (
+                    run := self.ingest.take_run(name, batch, taken, now)):
                 taken += run
             else:
                 if refused := self._admit(name, messages[taken], number and number + taken, now):

@@ -31,8 +31,8 @@ import time
 from typing import Any, NamedTuple, Protocol
 
 from rclpy.callback_groups import CallbackGroup
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.event_handler import QoSSubscriptionMatchedInfo
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.subscription import Subscription

@@ -166,7 +166,8 @@ class ObstacleSettings:
         'false ignores the source and drops its obstacles', live=True, safety=True))
     max_count: int = field(default=100_000, metadata=_setting(
         'max number of obstacles of a set; with set_end none, of all within one timeout; more '
-        'are refused and make the footprints unknown', live=True, safety=True, limits=(1, 1_000_000)))
+        'are refused and make the footprints unknown', live=True, safety=True,
+        limits=(1, 1_000_000)))
     moving: bool = field(default=False, metadata=_setting(
         'true predicts contacts as if each obstacle kept its velocity between the last two '
         'messages of its id, so type must be polygon_instance; false as if all stood still',

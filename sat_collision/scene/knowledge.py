@@ -320,7 +320,8 @@ class Listings(Knowledge):
 
     def _replaces(self, message: Message) -> bool:
         """Return whether a message that is a set by itself replaces the last one."""
-        return not message.refusal and not (self._whole and message.stamp < self._whole.stamp)
+        is_older = self._whole and message.stamp < self._whole.stamp
+        return not message.refusal and not (is_older and self.timeout < NEVER)
 
     def _close(self, now: int) -> None:
         """End the open listing, which replaces all older ones if it is whole."""

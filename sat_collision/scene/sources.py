@@ -249,9 +249,10 @@ class Source:
             if body is not None:
                 self._mixed.take(body, frame_id, time)
             return refusal
+        is_mark = body is None and not refusal and self.settings.set_end == EMPTY_POLYGON
         if news is JOINED or news is BEGUN:
             self._begin_anew(now)
-        elif stamp and stamp + self.timeout < self.knowledge.newest and self.timeout < NEVER:
+        elif stamp and stamp + self.timeout < self.knowledge.newest and not is_mark:
             # The clock of its publisher was set back.
             news = JOINED
             self._begin_anew(now)

@@ -16,7 +16,7 @@
 
 import pytest
 from sat_collision.scene.footprints import Footprint
-from stage import ACCUMULATED, CART, clear_stage, ROBOT, Stage
+from stage import POLYGONS, CART, clear_stage, ROBOT, Stage
 
 
 @pytest.fixture
@@ -173,7 +173,7 @@ def test_contacts_are_sorted_only_when_read(monkeypatch):
         lengths.append(len(names))
         return sorted(names)
     monkeypatch.setattr('sat_collision.scene.footprints.sorted', count, raising=False)
-    stage = Stage(ACCUMULATED)
+    stage = Stage(POLYGONS)
     stage.robot()
     for k in range(200):
         stage.see(0.001 * k, stamp='none')

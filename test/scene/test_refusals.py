@@ -20,7 +20,7 @@ from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.settings import ObstacleSettings
 from sat_collision.scene.sources import Source
 from stage import (
-    ACCUMULATED, EVERY_KIND, INSTANCES, KEYED, known_stage, LIDAR, LIDAR_SAYS, nanoseconds,
+    POLYGONS, EVERY_KIND, INSTANCES, REFRESHED, known_stage, LIDAR, LIDAR_SAYS, nanoseconds,
     REFUSED, square, START, status_and_reasons, with_robot)
 
 
@@ -79,7 +79,7 @@ def test_undecodable_message_is_a_gap(settings):
 
 def test_refused_accumulated_polygon_is_a_gap():
     """It has no key, since accumulated polygons are their own keys."""
-    stage = known_stage(ACCUMULATED)
+    stage = known_stage(POLYGONS)
     stage.refuse('self-intersecting')
     assert status_and_reasons(stage) == ('unknown', (
         LIDAR_SAYS + 'has not been received for its timeout of 2 s without a gap since a message '
@@ -118,7 +118,7 @@ def test_set_beyond_max_count_is_unknown_until_a_set_fits():
     assert status_and_reasons(stage) == ('clear', ())
 
 
-@KEYED
+@REFRESHED
 def test_more_keys_than_max_count_are_a_gap(settings):
     """The obstacle left out may exist until its timeout."""
     stage = known_stage(replace(settings, max_count=2))

@@ -16,7 +16,7 @@
 
 from dataclasses import replace
 
-from stage import ACCUMULATED, CART, clear_stage, EVERY_KIND, ROBOT, Stage
+from stage import POLYGONS, CART, clear_stage, EVERY_KIND, ROBOT, Stage
 
 
 def test_frame_is_that_of_all_footprints_of_the_last_second():
@@ -78,7 +78,7 @@ def test_obstacles_received_before_the_frame_is_known(settings):
     stage.see(8.5, frame='odom', instance=2)
     stage.end()
     assert stage.status() == 'collision'
-    assert stage.state().reasons == ((refused,) if settings is ACCUMULATED else ())
+    assert stage.state().reasons == ((refused,) if settings is POLYGONS else ())
 
 
 def test_refusal_before_the_frame_is_known_keeps_its_reason():

@@ -22,7 +22,7 @@ from sat_collision.scene.settings import ObstacleSettings
 from sat_collision.scene.sources import TOO_OLD
 from sat_collision.scene.streams import Endpoint
 from stage import (
-    EVERY_KIND, INSTANCES, KEYED, known_stage, LIDAR, LIDAR_SAYS, NOTHING_SENT, REFUSED, Stage,
+    EVERY_KIND, INSTANCES, REFRESHED, known_stage, LIDAR, LIDAR_SAYS, NOTHING_SENT, REFUSED, Stage,
     status_and_reasons, UNTIMED_LIDAR, with_robot)
 
 
@@ -57,7 +57,7 @@ def test_instance_returns_to_a_former_place():
         assert stage.status() == status
 
 
-@KEYED
+@REFRESHED
 def test_key_is_forgotten_only_if_its_publisher_goes_on_without_it(settings):
     """If the publisher falls silent instead, the obstacle stays until the source is unknown."""
     for is_alive, expected in ((True, 'clear'), (False, 'unknown')):
@@ -208,7 +208,7 @@ def test_messages_past_their_timeout_leave_a_source_silent():
         'unknown', (LIDAR_SAYS + 'has been silent for longer than its timeout of 2 s',))
 
 
-@KEYED
+@REFRESHED
 def test_burst_of_late_messages_is_no_listing(settings):
     """The node was held up: messages stamped meanwhile were refused as too old."""
     stage = with_robot(settings)
@@ -220,7 +220,7 @@ def test_burst_of_late_messages_is_no_listing(settings):
     assert stage.status() == 'unknown'
 
 
-@KEYED
+@REFRESHED
 def test_unreadable_first_message_delays_a_listing(settings):
     """It may have been of any key; the next message was stamped before it."""
     stage = with_robot(settings)
@@ -341,7 +341,7 @@ def test_lossy_source_is_unknown_when_its_last_whole_set_is_too_old():
         'unknown', (LIDAR_SAYS + 'has not sent a whole set since messages were lost',))
 
 
-@KEYED
+@REFRESHED
 def test_loss_of_keys_makes_a_source_unknown_for_its_timeout(settings):
     """By then every key has been sent again."""
     stage = known_stage(settings)

@@ -27,17 +27,17 @@ START = 1000.0
 ROBOT = FootprintSettings('robot', '/footprint')
 CART = FootprintSettings('cart', '/cart/footprint')
 UNTIMED_ROBOT = replace(ROBOT, timeout=0.0)
-LIDAR = ObstacleSettings('lidar', '/polygons')
+POLYGONS = ObstacleSettings('lidar', '/polygons')
+LIDAR = replace(POLYGONS, set_end='empty_polygon')
 UNTIMED_LIDAR = replace(LIDAR, timeout=0.0)
-INSTANCES = replace(LIDAR, type='polygon_instance')
-ACCUMULATED = replace(LIDAR, accumulate=True)
-EVERY_KIND = pytest.mark.parametrize('settings', [LIDAR, INSTANCES, ACCUMULATED],
-                                     ids=['sets', 'instances', 'accumulate'])
+INSTANCES = replace(POLYGONS, type='polygon_instance')
+EVERY_KIND = pytest.mark.parametrize('settings', [LIDAR, INSTANCES, POLYGONS],
+                                     ids=['sets', 'instances', 'polygons'])
+REFRESHED = pytest.mark.parametrize('settings', [INSTANCES, POLYGONS],
+                                    ids=['instances', 'polygons'])
 TOO_OLD = 'footprint robot on /footprint is older than its timeout of 1 s'
 NOT_RECEIVED = 'footprint robot on /footprint has not been received yet'
 NOTHING_SENT = 'obstacle source lidar on /polygons has not sent anything yet'
-KEYED = pytest.mark.parametrize('settings', [INSTANCES, ACCUMULATED],
-                                ids=['instances', 'accumulate'])
 LIDAR_SAYS = 'obstacle source lidar on /polygons '
 REFUSED = LIDAR_SAYS + 'sent what was refused: '
 
@@ -55,16 +55,17 @@ class Stage:
     """
     One scene and its clock, which begins at START; times are in seconds since then.
 
-    By default there is a footprint 'robot', stale after 1 s, and a source 'lidar' of sets,
-    silent after 2 s. The messages of each are numbered from 1 on, as by one publisher.
+    By default there is a footprint 'robot', stale after 1 s, and a source 'lidar' of sets that
+    end with an empty polygon, silent after 2 s. The messages of each are numbered from 1 on, as
+    by one publisher.
     """
 
-    def __init__(self, *sources, footprints=(ROBOT,), start=START, **settings):
+    def __init__(self, *sources, footprints=(ROBOT,), start=START, time=0.0, **settings):
         sources = sources or (LIDAR,)
         self.settings = Settings(tuple(footprints), sources, **settings)
         self.scene = Scene(self.settings)
         self.start = start
-        self.time = 0.0
+        self.time = time
         self.numbers = Counter()
         self.scene.pass_time(self.now)
 
@@ -108,7 +109,7 @@ class Stage:
                                    instance, self.number(name))
 
     def end(self, stamp=None, name='lidar'):
-        """Send an empty polygon, which ends the set of its stamp."""
+        """Send an empty polygon, which ends a set of the lidar."""
         return self.scene.obstacle(name, None, 'map', self.stamp(stamp), self.now,
                                    number=self.number(name))
 
@@ -152,20 +153,26 @@ def clear_stage(*sources, **settings):
     return stage
 
 
-def with_robot(*sources, footprints=(UNTIMED_ROBOT,), stamp=None):
+def with_robot(*sources, footprints=(UNTIMED_ROBOT,), stamp=None, **settings):
     """Return a stage with a footprint at 0 that by default never becomes stale."""
-    stage = Stage(*sources, footprints=footprints)
+    stage = Stage(*sources, footprints=footprints, **settings)
     stage.robot(stamp=stamp)
     return stage
 
 
-def known_stage(*sources):
+def known_stage(*sources, **settings):
     """Return a stage whose source is known and empty, so that the robot is clear."""
-    stage = with_robot(*sources)
-    stage.end(stamp=-2.0)
-    stage.end()
+    stage = with_robot(*sources, time=-3.001, **settings)
+    pass_by(stage, -1.5, 0.0)
     assert status_and_reasons(stage) == ('clear', ())
     return stage
+
+
+def pass_by(stage, *times):
+    """Let the publisher of the lidar show that it is alive, now and at some times."""
+    for time in (stage.time, *times):
+        stage.wait_until(time)
+        stage.end()
 
 
 def status_and_reasons(stage):

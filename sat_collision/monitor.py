@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TypeAlias
 
 from sat_collision.messages.ingest import Batch, Ingest, Placement, WAIT, Wait
@@ -36,8 +37,8 @@ _SETS_WAIT = 2
 _BYTES_WAIT = 1 << 26
 _NOTHING: Sequence[Rejection] = ()
 
-# A queued item: a message and its number, or the publishers from then on.
-_Item: TypeAlias = 'tuple[bytes, int | None] | list[Endpoint]'
+# A queued item: a message and its number, or what happens to its stream then.
+_Item: TypeAlias = 'tuple[bytes, int | None] | Callable[[], None]'
 
 
 class Monitor:
@@ -125,9 +126,13 @@ class Monitor:
         if name in self.commands.names:
             return self.commands.receive(name, messages, now)
         self._watch_clock(now)
-        rejections: Sequence[Rejection] = _NOTHING
         if number is None:
             self.is_numbered = False
+        return self._receive_batch(name, messages, now, number)
+
+    def _receive_batch(self, name: str, messages: Sequence[bytes], now: int,
+                       number: int | None) -> Sequence[Rejection]:
+        rejections: Sequence[Rejection] = _NOTHING
         batch = Batch(messages, number) if name in self.ingest.headers else None
         taken = 0
         while taken < len(messages):
@@ -158,22 +163,31 @@ class Monitor:
 
         They may be of either, so obstacles count, but end and replace nothing.
         """
-        is_source = name in self.scene.source_names
-        if is_source:
-            self.scene.mix(name, True)
-        rejections = self.receive_batch(name, messages, now)
-        if is_source:
-            self.scene.mix(name, False)
-        else:
-            self.scene.interrupt(name)
+        self.received[name] += len(messages)
+        self._watch_clock(now)
+        if name not in self.scene.source_names:
+            rejections = self._receive_batch(name, messages, now, None)
+            self.interrupt(name)
+            return rejections
+        self._follow_stream(name, partial(self.scene.mix, name, True))
+        rejections = self._receive_batch(name, messages, now, None)
+        self._follow_stream(name, partial(self.scene.mix, name, False))
         return rejections
 
     def update_publishers(self, name: str, endpoints: list[Endpoint]) -> None:
-        """Update the publishers of a footprint or source, after the messages that wait for it."""
+        """Update the publishers of a footprint or source."""
+        self._follow_stream(name, partial(self.scene.update_publishers, name, endpoints))
+
+    def interrupt(self, name: str) -> None:
+        """Record that the next message of a name is not known to continue the one before."""
+        self._follow_stream(name, partial(self.scene.interrupt, name))
+
+    def _follow_stream(self, name: str, happens: Callable[[], None]) -> None:
+        """Let something happen to a stream, after the messages of it that wait."""
         if name in self.waiting:
-            self._hold(self.scene.settings_of(name), endpoints, self._now)
+            self._hold(self.scene.settings_of(name), happens, self._now)
         else:
-            self.scene.update_publishers(name, endpoints)
+            happens()
 
     def receive_transforms(self, topic: str, data: bytes, now: int,
                            number: int | None = None) -> list[Rejection]:
@@ -254,9 +268,9 @@ class Monitor:
     def _forget_times(self) -> None:
         self.transforms.clear()
         self.outlines.clear()
-        for name, item in self.waiting.drop():
-            if isinstance(item, list):
-                self.scene.update_publishers(name, item)
+        for item in self.waiting.drop():
+            if callable(item):
+                item()
         self._note_waiting()
 
     def _admit(self, name: str, data: bytes, number: int | None,
@@ -279,7 +293,7 @@ class Monitor:
 
     def _hold(self, settings: FootprintSettings | ObstacleSettings, item: _Item,
               now: int) -> list[Rejection]:
-        """Queue a message, or publishers that apply after it."""
+        """Queue a message, or what happens to its stream after it."""
         limit = (_SETS_WAIT * settings.max_count if isinstance(settings, ObstacleSettings)
                  else _FOOTPRINTS_WAIT)
         rejections = self.waiting.add(settings.name, item, now, self._timeout, limit)
@@ -290,8 +304,8 @@ class Monitor:
                       may_wait: bool) -> Rejection | Wait | None:
         """Take the first item queued for a footprint or source, if it need not wait longer."""
         settings = self.scene.settings_of(name)
-        if isinstance(item, list):
-            self.scene.update_publishers(name, item)
+        if callable(item):
+            item()
         elif settings.enabled:
             return self.ingest.take(settings, *item, now, may_wait)
         return None
@@ -344,9 +358,9 @@ class WaitingItems:
         self._find_earliest()
         return rejections
 
-    def drop(self) -> list[tuple[str, _Item]]:
-        """Drop all that waits; return the items with their names."""
-        dropped = [(name, item) for name, queue in self.queues.items() for item, _ in queue]
+    def drop(self) -> list[_Item]:
+        """Drop all that waits and return it."""
+        dropped = [item for queue in self.queues.values() for item, _ in queue]
         self.queues.clear()
         self._bytes.clear()
         self.earliest = NEVER
@@ -370,4 +384,4 @@ class WaitingItems:
 
 def _size_of(item: _Item) -> int:
     """Return how many bytes of a message an item has."""
-    return 0 if isinstance(item, list) else len(item[0])
+    return 0 if callable(item) else len(item[0])

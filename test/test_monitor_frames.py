@@ -300,6 +300,21 @@ def test_change_of_publishers_waits_for_their_messages():
     assert 'has no publisher' in robot.monitor.scene.state('robot').reasons[0]
 
 
+def test_messages_of_any_publisher_end_nothing_even_if_they_wait():
+    """They came while a second publisher was matched, in a frame whose transform is late."""
+    robot = Robot(replace(SETTINGS, obstacles=(
+        ObstacleSettings('lidar', '/polygons', timeout=5.0, set_end='empty_polygon'),)))
+    robot.stand(0)
+    batch = [serialised(points, robot.now, 'base') for points in ((), box(9), ())]
+    robot.monitor.receive_mixed('lidar', batch, robot.now)
+    robot.move(0.0)
+    assert robot.seen == [(9, 0, 10, 1)] and robot.monitor.is_numbered
+    assert robot.status() == 'unknown'
+    for number, points in ((7, ()), (8, box(8)), (9, ())):
+        robot.monitor.receive('lidar', serialised(points, robot.now, 'odom'), robot.now, number)
+    assert robot.status() == 'clear', 'all that follows is whole'
+
+
 def test_change_of_publishers_is_not_dropped_when_time_steps_back():
     """It waits behind messages, which are dropped; the middleware reports it only once."""
     robot = Robot(SETS)

@@ -190,7 +190,7 @@ class FootprintMonitor(Node):
         endpoints = self._inputs.publishers.at_beginning(name)
         if endpoints is not None:
             self._monitor.update_publishers(name, endpoints)
-        self._scene.interrupt(name)
+        self._monitor.interrupt(name)
         return True
 
     def receive_mixed(self, name: str, messages: Sequence[bytes], now: int) -> None:

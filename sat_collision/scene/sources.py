@@ -190,7 +190,7 @@ class Source:
         What comes then counts as obstacles that were told before, and ends nothing.
         """
         self.stream.interrupt()
-        self._begin_anew(now)
+        self._begin_anew(now, wants_history=not is_mixed)
         self._mixed = self.store.new_set() if is_mixed else None
         if self._mixed is not None:
             self._former.append(self._mixed)
@@ -240,15 +240,15 @@ class Source:
         stamp that could not be read or cannot be trusted. One past its timeout counts, but makes
         nothing known, and TOO_OLD is returned. What a map needs to be placed anew is `sent`.
         """
-        news = self.stream.receive(number, now)
         time = min(stamp or now, now)
         is_old = time + self.timeout < now
         if is_old or self._is_far:
             self._is_far = is_old and (self._is_far or now - time > FAR)
         if self._mixed is not None:
             if body is not None:
-                self._mixed.take(body, frame_id, time)
+                self._mixed.take(body, frame_id, time, sent=sent)
             return refusal
+        news = self.stream.receive(number, now)
         is_mark = body is None and not refusal and self.settings.set_end == EMPTY_POLYGON
         if news is JOINED or news is BEGUN:
             self._begin_anew(now)

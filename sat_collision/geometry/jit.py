@@ -186,6 +186,7 @@ if COMPILED:
     integers = _taken_as(numba.types.int64)
     _words = _taken_as(numba.types.uint32)
     _float32s = _taken_as(numba.types.float32)
+    _float64s = _taken_as(numba.types.float64)
 
     @kernel
     def scratch(size):
@@ -198,14 +199,14 @@ if COMPILED:
         return np.empty(size, np.int64)
 
     @kernel
-    def float32_values(data, start):
-        """Return bytes from start on, reinterpreted as float32 in native byte order."""
-        return _float32s(beyond(elements(data), start))
-
-    @kernel
     def words_and_floats(data):
         """Return bytes reinterpreted as 32-bit words, and as float32, in native byte order."""
         return _words(elements(data)), _float32s(elements(data))
+
+    @kernel
+    def words_and_doubles(data):
+        """Return bytes reinterpreted as 32-bit words, and as float64, in native byte order."""
+        return _words(elements(data)), _float64s(elements(data))
 else:
     def prefetch(array, i):
         """Do nothing: plain Python would gain nothing."""
@@ -230,11 +231,12 @@ else:
         """Return an uninitialised flat array of 64-bit integers for use inside a kernel."""
         return memoryview(np.empty(size, np.int64))
 
-    def float32_values(data, start):
-        """Return bytes from start on, reinterpreted as float32 in native byte order."""
-        return memoryview(data)[start:].cast('f')
-
     def words_and_floats(data):
         """Return bytes reinterpreted as 32-bit words, and as float32, in native byte order."""
         whole = memoryview(data)[:len(data) // 4 * 4]
         return whole.cast('I'), whole.cast('f')
+
+    def words_and_doubles(data):
+        """Return bytes reinterpreted as 32-bit words, and as float64, in native byte order."""
+        whole = memoryview(data)
+        return whole[:len(data) // 4 * 4].cast('I'), whole[:len(data) // 8 * 8].cast('d')

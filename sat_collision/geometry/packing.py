@@ -20,7 +20,7 @@ All decisions are exact: they compare coordinates or take the sign of `predicate
 
 from sat_collision.geometry.floating_point import require_nearest
 from sat_collision.geometry.jit import (
-    float32_values, inlined, inner, kernel, scratch, scratch_integers)
+    inlined, inner, kernel, scratch, scratch_integers, words_and_doubles, words_and_floats)
 from sat_collision.geometry.layout import (
     ENTRY_BITS, entry_step, FINGERPRINT, HEADER, table_place, table_size)
 from sat_collision.geometry.plane import bounds_of, centroid, length
@@ -37,6 +37,12 @@ TOO_MANY = 5
 # The disc's radius is shortened by 2^-45 of the radius and the extent, which exceeds all rounding
 # errors; there is no disc if an edge or the radius is so short that underflow might exceed this.
 # See docs/exactness.md, lemma 10.
+# Numbers of a point in bytes: x, y as float64, or x, y, z as float32; and their sizes.
+PAIR = 2
+TRIPLE = 3
+WORD = 4
+DOUBLE = 8
+
 _SHORTER = 2.0 ** -45
 _LEAST_EDGE = 2.0 ** -500
 _LEAST_RADIUS = 1e-140
@@ -99,35 +105,37 @@ def pack(points, packed, max_vertices, max_non_convex):
 
 
 @kernel
-def pack_convex(data, start, received, packed, max_vertices, affine):
+def pack_convex(data, start, received, step, packed, max_vertices, affine):
     """
     Pack `moved_points`, if they make a convex polygon of no more vertices than are accepted.
 
     Returned is their number, 0 if they do not.
     """
-    points = moved_points(data, start, received, affine)
+    points = moved_points(data, start, received, step, affine)
     verdict, count, _, _, _ = pack(points, packed, max_vertices, 0)
     return count if verdict == CONVEX else 0
 
 
 @kernel
-def moved_points(data, start, received, affine):
-    """Return x, y of points, given as for `Polygon.from_float32`, as a flat array."""
-    return moved(float32_values(data, start), 0, received, affine)
+def moved_points(data, start, received, step, affine):
+    """Return x, y of points, given as `polygon.Points`, as a flat array."""
+    if step == PAIR:
+        return moved(words_and_doubles(data)[1], start // DOUBLE, step, received, affine)
+    return moved(words_and_floats(data)[1], start // WORD, step, received, affine)
 
 
 @inlined
-def moved(values, first, received, affine):
+def moved(values, first, step, received, affine):
     """
-    Return x, y of points transformed by an affine map, of values from an index on: x, y, z each.
+    Return x, y of points transformed by an affine map, of values from an index on.
 
-    Each coordinate is rounded four times, see docs/exactness.md, lemma 14; not at all by UNMOVED.
+    A point takes `step` values, of which x and y are the first. Each coordinate is rounded four times, see docs/exactness.md, lemma 14; not at all by UNMOVED.
     """
     a, b, c, d, e, f = affine
     points = scratch(2 * received)
     for i in range(received):
-        x = values[first + 3 * i]
-        y = values[first + 3 * i + 1]
+        x = values[first + step * i]
+        y = values[first + step * i + 1]
         points[2 * i] = a * x + b * y + c
         points[2 * i + 1] = d * x + e * y + f
     return points

@@ -28,7 +28,7 @@ from sat_collision.geometry.convex_parts import convex_parts
 from sat_collision.geometry.jit import indexable, KERNEL
 from sat_collision.geometry.layout import BOUNDS, HEADER, packed_size
 from sat_collision.geometry.packing import (
-    CONVEX, moved_points, NON_CONVEX, NOT_FINITE, pack, SPIKE, TOO_MANY)
+    CONVEX, moved_points, NON_CONVEX, NOT_FINITE, pack, SPIKE, TOO_MANY, TRIPLE, WORD)
 from sat_collision.geometry.plane import centroid
 
 MAX_VERTICES = 1024
@@ -40,6 +40,11 @@ PackedBody: TypeAlias = tuple[NDArray[np.float64], int]
 # The affine map of (x, y) to (a x + b y + c, d x + e y + f) as a, b, c, d, e, f; c, f in metres.
 Affine2D: TypeAlias = tuple[float, float, float, float, float, float]
 UNMOVED: Affine2D = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+
+# Bytes, the offset of the points in them, their number, and the numbers of each in this machine's
+# byte order: PAIR, x and y as float64, or TRIPLE, x, y and z as float32. The offset is a multiple
+# of a number's size.
+Points: TypeAlias = tuple[bytes, int, int, int]
 
 
 class Reason(enum.Enum):
@@ -160,13 +165,27 @@ class Polygon:
         affine : Affine2D, optional
             The affine map of the points to another frame.
 
+        Raises
+        ------
+        ValueError
+            The points are not all in the data.
+
         """
-        if count == 0:
+        size = TRIPLE * WORD * count
+        if not 0 <= start <= start + size <= len(data):
+            raise ValueError(f'{count} points from byte {start} on are not in {len(data)} bytes')
+        return cls._of_bytes((bytes(data[start:start + size]), 0, count, TRIPLE), max_vertices,
+                             max_vertices if max_non_convex is None else max_non_convex, affine)
+
+    @classmethod
+    def _of_bytes(cls, points: Points, max_vertices: int, max_non_convex: int,
+                  affine: Affine2D) -> Polygon:
+        """Make a polygon of points in bytes, moved by an affine map."""
+        if points[2] == 0:
             raise _empty()
-        points = np.asarray(moved_points(data, start, count, affine)).reshape(-1, 2)
         polygon = cls.__new__(cls)
-        polygon._pack(points, max_vertices,
-                      max_vertices if max_non_convex is None else max_non_convex)
+        polygon._pack(np.asarray(moved_points(*points, affine)).reshape(-1, 2), max_vertices,
+                      max_non_convex)
         return polygon
 
     @classmethod

@@ -43,7 +43,7 @@ from sat_collision.geometry.contact import contact, contact_of_arrays
 from sat_collision.geometry.convex_parts import convex_parts
 from sat_collision.geometry.jit import COMPILED, indexable, KERNEL
 from sat_collision.geometry.layout import packed_size
-from sat_collision.geometry.packing import pack_convex
+from sat_collision.geometry.packing import pack_convex, TRIPLE
 from sat_collision.geometry.polygon import Polygon, UNMOVED
 from sat_collision.geometry.polygon_set import PackedSet, PolygonSet
 from sat_collision.geometry.prediction import first_row_met
@@ -134,10 +134,10 @@ def is_prepared() -> bool:
 def prepare_packing() -> None:
     """Prepare the kernels that make polygons of messages."""
     packed = indexable(np.empty(packed_size(len(_TRIANGLE))))
-    points = _TRIANGLE.tobytes(), 0, len(_TRIANGLE)
+    points = _TRIANGLE.tobytes(), 0, len(_TRIANGLE), TRIPLE
     pack_convex(*points, packed, len(_TRIANGLE), UNMOVED)
     Polygon(_TRIANGLE)
-    Polygon.from_float32(*points)
+    Polygon.from_float32(*points[:3])
     message = np.array((0, len(_TRIANGLE)), np.uint32).tobytes() + points[0]
     ends = indexable(np.array((len(message),)))
     bodies = PackedSet()

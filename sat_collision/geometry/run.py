@@ -12,26 +12,32 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Writing a run of messages, which differ only in their points, into a set in one call."""
+"""
+Writing a run of polygons into a set in one call.
+
+They are in messages that differ only in their points, or in one message that has them all.
+"""
 
 from typing import Any, TypeAlias
 
 from sat_collision.geometry.floating_point import require_nearest
-from sat_collision.geometry.jit import inner, kernel, words_and_floats
+from sat_collision.geometry.jit import inner, kernel, words_and_doubles, words_and_floats
 from sat_collision.geometry.layout import rows_of
-from sat_collision.geometry.packing import clean, CONVEX, moved, pack
+from sat_collision.geometry.packing import clean, CONVEX, DOUBLE, moved, pack, PAIR, TRIPLE, WORD
 from sat_collision.geometry.scan import box_gap, NO_ROOM, write_row
 
 # Messages that differ only in their points: their bytes, joined; the end of each but the last, an
 # array of int64; the number of the first message to write; the offset in a message of the number
 # of its points, which follow it, x, y and z of each as float32 in this machine's byte order; the
 # affine map of the points; the most vertices accepted; an array with room for one packed polygon.
+# Or the polygons of one message: its bytes, from where their alignment counts; the offset and the
+# number of the points of each polygon, x and y of each as float64, a flat array of int64; the
+# number of the first polygon; IN_ONE_MESSAGE; and the rest as above.
 # A plain tuple is passed to a kernel half a microsecond faster than a named one.
 Run: TypeAlias = tuple[bytes, Any, int, int, tuple[float, float, float, float, float, float],
                        int, Any]
 
-_WORD = 4
-_POINT = 3
+IN_ONE_MESSAGE = -1
 
 
 @kernel
@@ -39,19 +45,19 @@ def write_run(run, set_array, rows, row, limit, others, margin):
     """
     Write the polygons of a run into rows, as long as each is ordinary and not near another body.
 
-    A message is ordinary if its bytes before the number of points are those of the first one, and
-    its points make a convex polygon for which its row has room.
+    A polygon is ordinary if it is convex and its row has room for it; in a message of its own, if
+    the bytes before the number of its points are those of the first one, too.
 
     Parameters
     ----------
     run : Run
     set_array, others : flat array of float64
         The set, and the one that the polygons must not be near to. If the first is empty the
-        messages are only checked, and rows do not matter.
+        polygons are only checked, and rows do not matter.
     rows : array of int64
         The row of each polygon, -1 for none.
     row, limit : int
-        The index in rows for the first message to write, and how many messages may be written.
+        The index in rows for the first polygon to write, and how many may be written.
     margin : float
         Bounds no further apart than this are near, metres.
 
@@ -64,29 +70,39 @@ def write_run(run, set_array, rows, row, limit, others, margin):
     data, ends, first, count_at, affine, max_vertices, packed = run
     require_nearest(count_at)
     words, values = words_and_floats(data)
+    _, doubles = words_and_doubles(data)
     near = rows_of(others)
-    header = count_at // _WORD
-    begin = ends[first - 1] if first else 0
-    model = begin // _WORD
+    in_one = count_at == IN_ONE_MESSAGE
+    header = count_at // WORD
+    begin = ends[first - 1] if first and not in_one else 0
+    model = begin // WORD
     is_placed = len(set_array) > 0
-    count = min(limit, len(ends) + 1 - first)
+    count = min(limit, len(ends) // 2 - first if in_one else len(ends) + 1 - first)
     if is_placed:
         count = min(count, len(rows) - row)
     for k in range(count):
-        end = ends[first + k] if first + k < len(ends) else len(data)
-        size = end - begin - count_at - _WORD
-        if begin % _WORD or size <= 0 or size % (_POINT * _WORD) or (
-                is_placed and rows[row + k] < 0):
+        if is_placed and rows[row + k] < 0:
             return k
-        start = begin // _WORD
-        begin = end
-        received = size // (_POINT * _WORD)
-        same = words[start + header] == received and received <= max_vertices + 1
-        for i in range(header):
-            same = same and words[start + i] == words[model + i]
+        if in_one:
+            received = ends[2 * (first + k) + 1]
+            same = 0 < received <= max_vertices + 1
+            start = ends[2 * (first + k)] // DOUBLE
+        else:
+            end = ends[first + k] if first + k < len(ends) else len(data)
+            size = end - begin - count_at - WORD
+            if begin % WORD or size <= 0 or size % (TRIPLE * WORD):
+                return k
+            at = begin // WORD
+            begin = end
+            received = size // (TRIPLE * WORD)
+            same = words[at + header] == received and received <= max_vertices + 1
+            for i in range(header):
+                same = same and words[at + i] == words[model + i]
+            start = at + header + 1
         if not same:
             return k
-        points = moved(values, start + header + 1, received, affine)
+        points = (moved(doubles, start, PAIR, received, affine) if in_one
+                  else moved(values, start, TRIPLE, received, affine))
         if not is_placed:
             verdict, _, _, _ = clean(points, packed, max_vertices, 0)
             if verdict != CONVEX:
@@ -97,6 +113,43 @@ def write_run(run, set_array, rows, row, limit, others, margin):
                 write_row(set_array, rows[row + k], packed, vertices) == NO_ROOM):
             return k
     return count
+
+
+@kernel
+def find_polygons(data, at, spans):
+    """
+    Find the polygons of a message that has them all.
+
+    Parameters
+    ----------
+    data : bytes
+        The message, from where alignment counts.
+    at : int
+        The offset of the number of points of the first polygon, a multiple of 4.
+    spans : (2 n,) flat array of int64
+        Receives the offset and the number of the points of each polygon.
+
+    Returns
+    -------
+    int
+        Where the last polygon ends; -1 - k if polygon k would end beyond the message.
+
+    """
+    words, _ = words_and_floats(data)
+    size = len(data)
+    for k in range(len(spans) // 2):
+        if at + WORD > size:
+            return -1 - k
+        count = int(words[at // WORD])
+        at += WORD
+        if count > 0:
+            at = (at + DOUBLE - 1) // DOUBLE * DOUBLE
+        if at + count * PAIR * DOUBLE > size:
+            return -1 - k
+        spans[2 * k] = at
+        spans[2 * k + 1] = count
+        at += count * PAIR * DOUBLE
+    return at
 
 
 @inner

@@ -15,9 +15,10 @@
 """
 Decodes serialised messages in place, with every length checked.
 
-Of geometry_msgs PolygonStamped, PolygonInstanceStamped and TwistStamped, of nav_msgs Odometry, of
-tf2_msgs TFMessage. Polygons are read in this machine's byte order: one that does not match to the
-byte goes to the decoder of rclpy, or without ROS to that of rosbags. Others are read in either.
+Of geometry_msgs PolygonStamped, PolygonInstanceStamped and TwistStamped, of polygon_msgs
+Polygon2DStamped and Polygon2DCollection, of nav_msgs Odometry, of tf2_msgs TFMessage. Polygons of
+geometry_msgs are read in this machine's byte order: one that does not match to the byte goes to
+the decoder of rclpy, or without ROS to that of rosbags. Others are read in either.
 What no decoder can account for to the byte raises a MessageError.
 """
 
@@ -26,13 +27,19 @@ from __future__ import annotations
 from array import array
 import struct
 import sys
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
+import numpy as np
+from sat_collision.geometry.jit import indexable
+from sat_collision.geometry.packing import DOUBLE, PAIR, TRIPLE
+from sat_collision.geometry.polygon import Points
+from sat_collision.geometry.run import find_polygons
 from sat_collision.scene.frames import LONGEST_FRAME_ID
 from sat_collision.scene.rotations import Transform
 from sat_collision.scene.velocity import Twist
 
 _OWN_CDR = {'little': b'\x00\x01\x00\x00', 'big': b'\x00\x00\x00\x00'}[sys.byteorder]
+_OWN_SIGN = {'little': '<', 'big': '>'}[sys.byteorder]
 _HEADER = struct.Struct('=4siII')  # encapsulation, seconds, nanoseconds, length of frame_id
 _HEADER_SIZE = _HEADER.size
 _read_header = _HEADER.unpack_from
@@ -43,6 +50,9 @@ STAMP_SIZE = 12
 COUNT_SIZE = 4
 _ID_SIZE = 8
 POINT_SIZE = 12
+_PAIR_SIZE = PAIR * DOUBLE
+_COLOR_SIZE = 16
+_ENCAPSULATION_SIZE = 4
 # Sizes of the encapsulation of a TFMessage with the number of its transforms, of a stamp with the
 # length of the name after it, and of a transform.
 _COUNTED_SIZE = 8
@@ -60,9 +70,6 @@ _MAX_SHOWN = 200
 _MAX_NAMES = 1000
 _names: dict[bytes, str] = {}
 
-# Bytes, the offset of the points in them, and the number of points: x, y and z of each as float32
-# in this machine's byte order.
-Points: TypeAlias = tuple[bytes, int, int]
 # Parent and child frame, stamp in ns, and the transform as received: its rotation may have any
 # length.
 StampedTransform: TypeAlias = tuple[str, str, int, Transform]
@@ -106,7 +113,67 @@ def decode(data: bytes, instance: bool) -> tuple[int, str, Points, int | None]:
         return _decode_with_library(data, instance)
     if nanoseconds >= _SECOND:
         raise _too_many_nanoseconds(nanoseconds)
-    return seconds * _SECOND + nanoseconds, frame_id, (data, points_at, count), identity
+    return seconds * _SECOND + nanoseconds, frame_id, (data, points_at, count, TRIPLE), identity
+
+
+def decode_polygon_2d(data: bytes) -> tuple[int, str, Points, None]:
+    """Read a Polygon2DStamped, as `decode` does a PolygonStamped."""
+    stamp, frame_id, payload, at, order = _read_polygon_2d_header(data)
+    count, = order.count(payload, at)
+    at += COUNT_SIZE
+    if count:
+        at = (at + DOUBLE - 1) & -DOUBLE
+    if len(payload) != at + count * _PAIR_SIZE:
+        raise MessageError(f'{count} points where there are bytes for '
+                           f'{max(len(payload) - at, 0) // _PAIR_SIZE}')
+    if order.sign != _OWN_SIGN:
+        payload, at = np.frombuffer(payload, np.float64, PAIR * count, at).byteswap().tobytes(), 0
+    return stamp, frame_id, (payload, at, count, PAIR), None
+
+
+def decode_collection(data: bytes) -> tuple[int, str, bytes, Any]:
+    """
+    Read a Polygon2DCollection.
+
+    Return the stamp in ns, the frame_id, the bytes from where alignment counts, and offset and
+    number of the points of each polygon as `geometry.run.Run` has them.
+    """
+    stamp, frame_id, payload, at, order = _read_polygon_2d_header(data)
+    count, = order.count(payload, at)
+    room = (len(payload) - at - COUNT_SIZE) // COUNT_SIZE
+    if count > room:
+        raise MessageError(f'{count} polygons where there are bytes for {room}')
+    spans = indexable(np.empty(2 * count, np.int64))
+    is_own = order.sign == _OWN_SIGN
+    if not is_own:
+        words = np.frombuffer(payload, np.uint32, len(payload) // COUNT_SIZE).byteswap()
+        payload = words.tobytes()
+    end = find_polygons(payload, at + COUNT_SIZE, spans)
+    if end < 0:
+        raise MessageError(f'polygon {-1 - end} ends beyond the message')
+    if end + COUNT_SIZE > len(payload):
+        raise MessageError('the message ends before its colours')
+    colors, = _read_count(payload, end)
+    _check_size(payload, end + COUNT_SIZE + colors * _COLOR_SIZE)
+    if not is_own:
+        for start, points in np.asarray(spans).reshape(-1, 2).tolist():
+            halves = words[start // COUNT_SIZE:][:2 * PAIR * points].reshape(-1, 2)
+            halves[:] = halves[:, ::-1].copy()
+        payload = words.tobytes()
+    return stamp, frame_id, payload, spans
+
+
+def _read_polygon_2d_header(data: bytes) -> tuple[int, str, bytes, int, _Order]:
+    """Read a header: stamp, frame, the bytes from where alignment counts, its end, the order."""
+    try:
+        order, stamp, frame_id, end = _read_either_header(data)
+    except struct.error as error:
+        raise MessageError('ends before its header does') from error
+    at = ((end + 3) & ~3) - _ENCAPSULATION_SIZE
+    payload = data[_ENCAPSULATION_SIZE:]
+    if at + COUNT_SIZE > len(payload):
+        raise MessageError('ends where its polygons should begin')
+    return stamp, frame_id, payload, at, order
 
 
 def header_stamp(data: bytes) -> int:
@@ -162,7 +229,7 @@ def _decode_with_library(data: bytes, instance: bool) -> tuple[int, str, Points,
     if stamp.nanosec >= _SECOND:
         raise _too_many_nanoseconds(stamp.nanosec)
     coordinates = array('f', [number for p in points for number in (p.x, p.y, p.z)]).tobytes()
-    return (stamp.sec * _SECOND + stamp.nanosec, frame_id, (coordinates, 0, len(points)),
+    return (stamp.sec * _SECOND + stamp.nanosec, frame_id, (coordinates, 0, len(points), TRIPLE),
             message.polygon.id if instance else None)
 
 
@@ -188,6 +255,7 @@ class _Order:
     """Readers of the numbers of one byte order."""
 
     def __init__(self, sign: str) -> None:
+        self.sign = sign
         self.count = struct.Struct(f'{sign}I').unpack_from
         self.head = struct.Struct(f'{sign}iII').unpack_from
         self.transform = struct.Struct(f'{sign}7d').unpack_from

@@ -27,11 +27,11 @@ import numpy as np
 from numpy.typing import NDArray
 from sat_collision.geometry.jit import COMPILED, indexable
 from sat_collision.geometry.layout import packed_size
-from sat_collision.geometry.packing import pack_convex
+from sat_collision.geometry.packing import pack_convex, PAIR, TRIPLE
 from sat_collision.geometry.polygon import (
-    Affine2D, PackedBody, Polygon, PolygonError, Reason, UNMOVED)
+    Affine2D, PackedBody, Points, Polygon, PolygonError, Reason, UNMOVED)
 from sat_collision.messages.cdr import (
-    COUNT_SIZE, decode, header_stamp, MessageError, POINT_SIZE, Points, STAMP_SIZE)
+    COUNT_SIZE, decode, header_stamp, MessageError, POINT_SIZE, STAMP_SIZE)
 from sat_collision.messages.rejections import (
     detail_of, EMPTY_FRAME_ID, LONG_FRAME_ID, Rejection, UNDECODABLE)
 from sat_collision.messages.transform_listener import TransformListener
@@ -49,8 +49,8 @@ _POINTS_FOR_A_VERTEX = 8
 _NO_ENDS = indexable(np.empty(0, np.int64))
 
 # The bytes of the messages of a run; the end of each but the last, an array of int64; and where in
-# each message the points start.
-RunPoints: TypeAlias = tuple[bytes, Any, int]
+# each message the points start, TRIPLE; or as `geometry.run.Run` has them.
+RunPoints: TypeAlias = tuple[bytes, Any, int, int]
 
 
 class Wait(enum.Enum):
@@ -108,18 +108,18 @@ class Placement(NamedTuple):
     @property
     def shape(self) -> bytes:
         """The bytes of the points of a single message."""
-        data, start, count = self.single
+        data, start, count, _ = self.single
         return data[start:start + POINT_SIZE * count]
 
     def each(self) -> Iterator[Placement]:
         """Yield the messages of a run one by one."""
-        data, ends, points_at = self.points
+        data, ends, points_at, step = self.points
         if isinstance(ends, int):
             yield self
         else:
             for start, end in pairwise([0, *ends.tolist(), len(data)]):
                 start += points_at
-                yield self._replace(points=(data, start, (end - start) // POINT_SIZE))
+                yield self._replace(points=(data, start, (end - start) // POINT_SIZE, step))
 
 
 class Ingest:
@@ -196,7 +196,7 @@ class Ingest:
             if first or begin + taken < len(batch.messages):
                 batch = Batch(batch.messages[first:begin + taken])
             placements.append(Placement(name, stamp, True, frame_id,
-                                        (batch.data, batch.ends, points_at), affine, None,
+                                        (batch.data, batch.ends, points_at, TRIPLE), affine, None,
                                         listing))
         return taken
 
@@ -374,14 +374,14 @@ class Packer:
         if count > limit:
             raise PolygonError(Reason.TOO_MANY_VERTICES,
                                f'{count} points, of which at most {limit} are looked at')
-        return Polygon.from_float32(
-            *points, self.max_vertices, self._max_non_convex, affine).packed
+        return Polygon._of_bytes(points, self.max_vertices, self._max_non_convex, affine).packed
 
 
 def vertices_of(points: Points, affine: Affine2D | None = None) -> NDArray[np.float64]:
     """Return points in the order sent as (n, 2) array, moved by an affine map if given."""
-    data, start, count = points
-    received = np.frombuffer(data, np.float32, 3 * count, start).reshape(-1, 3)
+    data, start, count, step = points
+    received = np.frombuffer(data, np.float64 if step == PAIR else np.float32, step * count,
+                             start).reshape(-1, step)
     vertices = received[:, :2].astype(np.float64)
     if affine is None:
         return vertices

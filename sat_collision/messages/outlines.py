@@ -21,9 +21,10 @@ from collections.abc import Sequence
 from functools import partial
 import struct
 
-from sat_collision.geometry.polygon import Affine2D, UNMOVED
+from sat_collision.geometry.packing import TRIPLE
+from sat_collision.geometry.polygon import Affine2D, Points, UNMOVED
 from sat_collision.messages.cdr import (
-    decode_command, decode_odometry, decode_twist, MessageError, Points)
+    decode_command, decode_odometry, decode_twist, MessageError)
 from sat_collision.messages.ingest import Ingest
 from sat_collision.messages.rejections import (
     BAD_COMMAND, COMMAND_FRAME, detail_of, Rejection, UNDECODABLE)
@@ -192,7 +193,7 @@ class _PlacedOutline:
         if outline != self._outline or not footprint.enabled:
             self._outline = outline
             self.points: Points = (b''.join(struct.pack('=3f', x, y, 0.0) for x, y in outline), 0,
-                                   len(outline))
+                                   len(outline), TRIPLE)
             self.forget()
             # Until it is placed it is unknown, which the scene must learn at once.
             self._begun = 0

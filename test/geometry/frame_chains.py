@@ -24,7 +24,7 @@ from operator import mul
 import random
 
 import numpy as np
-from sat_collision.geometry.packing import moved_points
+from sat_collision.geometry.packing import moved_points, TRIPLE
 from sat_collision.scene.frames import Frames
 
 U = 2.0 ** -53
@@ -73,7 +73,7 @@ def evaluate(name, chain):
                       True)
     affine = frames.lookup_affine('down0' if down else 'common', 'up0', 0).affine
     point = np.array([*chain[-2:], 0.0], np.float32)
-    found = moved_points(point.tobytes(), 0, 1, affine)
+    found = moved_points(point.tobytes(), 0, 1, TRIPLE, affine)
     (x, y, _), origin, w = moved(ups, downs, point[:2].tolist())
     r = math.hypot(*point[:2].tolist())
     travelled = sum(abs(part) for transform in transforms for part in transform[:3])

@@ -27,7 +27,7 @@ from sat_collision.geometry import layout
 from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.layout import (
     BOUNDS, FINGERPRINT, HEADER, Packed, packed_size)
-from sat_collision.geometry.packing import moved_points, pack_convex
+from sat_collision.geometry.packing import moved_points, pack_convex, PAIR, TRIPLE
 from sat_collision.geometry.polygon_set import PackedSet
 import shapes
 
@@ -103,7 +103,7 @@ def test_bytes_pack_as_points_do():
         points = rng.integers(-9, 9, (rng.integers(1, 6), 3)).astype(np.float32)
         data = b'head' + points.tobytes()
         array = np.empty(packed_size(len(points)))
-        count = pack_convex(data, 4, len(points), indexable(array), 1000, UNMOVED)
+        count = pack_convex(data, 4, len(points), TRIPLE, indexable(array), 1000, UNMOVED)
         try:
             polygon = Polygon.from_float32(data, 4, len(points))
         except ValueError:
@@ -209,7 +209,7 @@ def test_each_coordinate_is_rounded_four_times(name):
     for ring, _ in ALL[name](rng, 40, 9):
         affine = random_affine(rng)
         wanted, error = moved_by_rationals(ring, affine)
-        found = np.asarray(moved_points(*message(ring), affine)).reshape(-1, 2)
+        found = np.asarray(moved_points(*message(ring), TRIPLE, affine)).reshape(-1, 2)
         assert found.tolist() == wanted
         largest = max(largest, error)
     assert 0.2 < largest <= 1
@@ -248,7 +248,7 @@ def test_moved_messages_pack_as_polygons_do(affine):
     for _ in range(300):
         ring = rng.integers(-9, 9, (rng.integers(1, 6), 2))
         array = np.empty(packed_size(len(ring)))
-        count = pack_convex(*message(ring), indexable(array), 1000, affine)
+        count = pack_convex(*message(ring), TRIPLE, indexable(array), 1000, affine)
         try:
             polygon = Polygon.from_float32(*message(ring), affine=affine)
         except ValueError:
@@ -274,7 +274,7 @@ def test_non_finite_coordinates_are_refused(coordinate):
     rng = np.random.default_rng(15)
     for affine in (UNMOVED, random_affine(rng)):
         data = message([(0, 0), (1, coordinate), (1, 1)])
-        assert pack_convex(*data, indexable(np.empty(50)), 10, affine) == 0
+        assert pack_convex(*data, TRIPLE, indexable(np.empty(50)), 10, affine) == 0
         with pytest.raises(ValueError, match='not finite'):
             Polygon.from_float32(*data, affine=affine)
 

@@ -22,8 +22,7 @@ from functools import cached_property, reduce
 from typing import TypeAlias
 
 import numpy as np
-from sat_collision.geometry.polygon import Affine2D, Polygon, PolygonError
-from sat_collision.messages.cdr import Points
+from sat_collision.geometry.polygon import Affine2D, Points, Polygon, PolygonError
 from sat_collision.messages.ingest import vertices_of
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.replay.motion.bodies import (

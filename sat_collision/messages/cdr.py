@@ -123,9 +123,7 @@ def decode_polygon_2d(data: bytes) -> tuple[int, str, Points, None]:
     at += COUNT_SIZE
     if count:
         at = (at + DOUBLE - 1) & -DOUBLE
-    if len(payload) != at + count * _PAIR_SIZE:
-        raise MessageError(f'{count} points where there are bytes for '
-                           f'{max(len(payload) - at, 0) // _PAIR_SIZE}')
+    _check_size(data, _ENCAPSULATION_SIZE + at + count * _PAIR_SIZE)
     if order.sign != _OWN_SIGN:
         payload, at = np.frombuffer(payload, np.float64, PAIR * count, at).byteswap().tobytes(), 0
     return stamp, frame_id, (payload, at, count, PAIR), None
@@ -154,7 +152,7 @@ def decode_collection(data: bytes) -> tuple[int, str, bytes, Any]:
     if end + COUNT_SIZE > len(payload):
         raise MessageError('the message ends before its colours')
     colors, = _read_count(payload, end)
-    _check_size(payload, end + COUNT_SIZE + colors * _COLOR_SIZE)
+    _check_size(data, _ENCAPSULATION_SIZE + end + COUNT_SIZE + colors * _COLOR_SIZE)
     if not is_own:
         for start, points in np.asarray(spans).reshape(-1, 2).tolist():
             halves = words[start // COUNT_SIZE:][:2 * PAIR * points].reshape(-1, 2)

@@ -19,19 +19,27 @@ import subprocess
 import sys
 from typing import Callable, NamedTuple
 
-from builders import command, odometry, polygon_message, SECOND, serialised, transforms
+from builders import (
+    collection, command, odometry, polygon_2d, polygon_message, SECOND, serialised, transforms)
 import numpy as np
 import pytest
-from rosbags.typesys import get_typestore, Stores
+from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 import sat_collision.messages
 from sat_collision.messages.cdr import (
-    decode, decode_command, decode_odometry, decode_transforms, decode_twist, header_stamp,
-    MessageError, stamped)
+    decode, decode_collection, decode_command, decode_odometry, decode_polygon_2d,
+    decode_transforms, decode_twist, header_stamp, MessageError, stamped)
 from sat_collision.messages.interfaces import (
     deserialize, PolygonInstanceStamped, PolygonStamped, serialize)
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
+for name, fields in (
+        ('Point2D', 'float64 x\nfloat64 y'), ('Polygon2D', 'Point2D[] points'),
+        ('Polygon2DStamped', 'std_msgs/Header header\nPolygon2D polygon'),
+        ('Polygon2DCollection', 'std_msgs/Header header\nPolygon2D[] polygons\n'
+                                'std_msgs/ColorRGBA[] colors')):
+    STORE.register(get_types_from_msg(fields, f'polygon_msgs/msg/{name}'))
 POINTS = [(1.0, 2.0, 3.0), (-4.0, 0.125, 0.0), (1e30, -0.0, 5.0)]
+PAIRS = [(600_000.1, 2.0), (-4.0, 0.125), (1e300, -0.0)]
 STAMP = 7 * SECOND + 8
 TF = 'tf2_msgs/msg/TFMessage'
 NAMES = ('a', 'map', 'odom', 'größe', 'base_footprint')
@@ -47,7 +55,8 @@ class Kind(NamedTuple):
 
 
 def read_polygon(data, with_id=False):
-    stamp, frame_id, (points, start, count), identity = decode(data, with_id)
+    stamp, frame_id, (points, start, count, step), identity = decode(data, with_id)
+    assert step == 3
     points = struct.iter_unpack('=fff', points[start:start + 12 * count])
     return stamp, frame_id, list(points), identity
 
@@ -57,6 +66,34 @@ def read_by_rclpy(data, with_id=False):
     polygon = message.polygon.polygon if with_id else message.polygon
     return (stamp_of(message.header), message.header.frame_id,
             [(p.x, p.y, p.z) for p in polygon.points], message.polygon.id if with_id else None)
+
+
+def read_polygon_2d(data):
+    stamp, frame_id, (points, start, count, step), _ = decode_polygon_2d(data)
+    assert step == 2
+    return stamp, frame_id, points_2d(points, start, count)
+
+
+def read_collection(data):
+    stamp, frame_id, payload, spans = decode_collection(data)
+    spans = np.asarray(spans).reshape(-1, 2).tolist()
+    return stamp, frame_id, [points_2d(payload, start, count) for start, count in spans]
+
+
+def points_2d(data, start, count):
+    return [*struct.iter_unpack('=2d', data[start:start + 16 * count])]
+
+
+def read_polygon_2d_by_rosbags(data):
+    message = STORE.deserialize_cdr(data, 'polygon_msgs/msg/Polygon2DStamped')
+    return (stamp_of(message.header), message.header.frame_id,
+            [(point.x, point.y) for point in message.polygon.points])
+
+
+def read_collection_by_rosbags(data):
+    message = STORE.deserialize_cdr(data, 'polygon_msgs/msg/Polygon2DCollection')
+    return (stamp_of(message.header), message.header.frame_id,
+            [[(point.x, point.y) for point in polygon.points] for polygon in message.polygons])
 
 
 def stamp_of(header):
@@ -114,6 +151,11 @@ KINDS = {
     'instance': Kind(lambda order='<': serialised(POINTS, STAMP, instance=-9, order=order),
                      lambda data: read_polygon(data, True),
                      lambda data: read_by_rclpy(data, True)),
+    'polygon 2d': Kind(lambda order='<': polygon_2d(PAIRS, STAMP, order=order), read_polygon_2d,
+                       read_polygon_2d_by_rosbags),
+    'collection': Kind(lambda order='<': collection([PAIRS, [], PAIRS[:1]], STAMP, order=order,
+                                                    colors=1),
+                       read_collection, read_collection_by_rosbags),
     'transforms': Kind(lambda order='<': written(('map', 'odom', STAMP, (0.5,) * 7),
                                                  *some_links(1, 2), order=order),
                        decode_transforms, read_transforms_by_rosbags, 8),
@@ -274,7 +316,8 @@ def test_extreme_values(instance):
     np.testing.assert_array_equal(numbers, link[-1])
 
 
-@pytest.mark.parametrize('name, at', [('polygon', 20), ('instance', 20), ('transforms', 4)])
+@pytest.mark.parametrize('name, at', [('polygon', 20), ('instance', 20), ('polygon 2d', 20),
+                                      ('collection', 20), ('collection', 24), ('transforms', 4)])
 @pytest.mark.parametrize('count', (2, 4, 200_000_000, 2**32 - 1))
 def test_wrong_number_of_points_is_refused(name, at, count):
     """A decoder might read no points at all, which would mean no obstacle."""

@@ -17,6 +17,7 @@
 import math
 import struct
 
+_ENCAPSULATIONS = {'<': b'\0\1\0\0', '>': b'\0\0\0\0'}
 SECOND = 10**9
 
 
@@ -38,7 +39,36 @@ def serialised(points, stamp=1000 * SECOND, frame_id='map', instance=None, order
     body += b''.join(struct.pack(order + 'fff', x, y, *(z or (0.0,))) for x, y, *z in points)
     if instance is not None:
         body += bytes(-len(body) % 8) + struct.pack(order + 'q', instance)
-    return {'<': b'\0\1\0\0', '>': b'\0\0\0\0'}[order] + body
+    return _ENCAPSULATIONS[order] + body
+
+
+def collection(polygons, stamp=1000 * SECOND, frame_id='map', order='<', colors=0):
+    """Write a Polygon2DCollection of polygons, each a list of (x, y), and of so many colours."""
+    body = _polygons_2d_head(stamp, frame_id, order) + struct.pack(order + 'I', len(polygons))
+    for points in polygons:
+        body = _with_points_2d(body, points, order)
+    return _ENCAPSULATIONS[order] + body + struct.pack(
+        f'{order}I{4 * colors}f', colors, *[0.5] * 4 * colors)
+
+
+def polygon_2d(points, stamp=1000 * SECOND, frame_id='map', order='<'):
+    """Write a Polygon2DStamped."""
+    return _ENCAPSULATIONS[order] + _with_points_2d(
+        _polygons_2d_head(stamp, frame_id, order), points, order)
+
+
+def _polygons_2d_head(stamp, frame_id, order):
+    text = frame_id.encode() + b'\0'
+    body = struct.pack(order + 'iII', *divmod(stamp, SECOND), len(text)) + text
+    return body + bytes(-len(body) % 4)
+
+
+def _with_points_2d(body, points, order):
+    """Padding is not zero, as from the middleware."""
+    body += struct.pack(order + 'I', len(points))
+    if points:
+        body += b'\xaa' * (-len(body) % 8)
+    return body + b''.join(struct.pack(order + '2d', x, y) for x, y in points)
 
 
 def transforms(*links):
@@ -70,7 +100,7 @@ def odometry(parent, child, stamp, x, y, yaw=0.0, order='<', twist=(0.0, 0.0, 0.
         order + '7d', x, y, 0.0, 0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
     vx, vy, omega = twist
     body += struct.pack(order + '78d', *[0.0] * 36, vx, vy, 0.0, 0.0, 0.0, omega, *[0.0] * 36)
-    return {'<': b'\0\1\0\0', '>': b'\0\0\0\0'}[order] + body
+    return _ENCAPSULATIONS[order] + body
 
 
 def command(vx, vy=0.0, omega=0.0, stamp=0, frame_id='', order='<'):
@@ -78,7 +108,7 @@ def command(vx, vy=0.0, omega=0.0, stamp=0, frame_id='', order='<'):
     text = frame_id.encode() + b'\0'
     body = struct.pack(order + 'iII', *divmod(stamp, SECOND), len(text)) + text
     body += bytes(-len(body) % 8) + struct.pack(order + '6d', vx, vy, math.nan, 7.0, 8.0, omega)
-    return {'<': b'\0\1\0\0', '>': b'\0\0\0\0'}[order] + body
+    return _ENCAPSULATIONS[order] + body
 
 
 def polygon_message(points, stamp=1000 * SECOND, frame_id='map', instance=None):

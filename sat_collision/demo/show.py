@@ -82,6 +82,7 @@ _PARAMETERS: dict[str, object] = {
     f'{warehouse.BY_ODOMETRY}.odometry': _ODOMETRY,
     f'{warehouse.BRAKES}.min_time_to_collision': _BRAKES_AHEAD,
     **{f'{name}.timeout': _TIMEOUT for name in (*_ROBOTS, 'warehouse', 'people')},
+    **{f'{name}.set_end': 'empty_polygon' for name in ('warehouse', 'people')},
 }
 # Texts are drawn larger than in the markers, because a picture cannot be zoomed.
 _ENLARGED = 1.3

@@ -153,20 +153,23 @@ class ObstacleSettings:
         'whose ids identify obstacles',
         choices=(POLYGON, POLYGON_INSTANCE)))
     set_end: str = field(default=NONE, metadata=_setting(
-        'what the publisher ends each set of obstacles with, a set being all that it sees: '
-        'empty_polygon; new_stamp, where all polygons of a set have one stamp and the next set a '
-        'newer one; each_message, where each is a set of one. none, where nothing is known of '
-        'sets, is always safe, but releases an obstacle only one timeout after it was last sent',
+        'what ends a set, which is all that the publisher sees: empty_polygon, one after the last '
+        'obstacle; new_stamp, as all of a set have one stamp and the next set a newer one; '
+        'each_message, as each is a whole set. none needs no sets, but holds an obstacle for one '
+        'timeout after it was last sent, so that moving ones leave a trail, and what counts may '
+        'be two timeouts old; to be rid of that, send an empty polygon after each set and choose '
+        'empty_polygon, or lower timeout',
         choices=SET_ENDS, safety=True))
     timeout: float = field(default=2.0, metadata=_setting(
-        's; within this the publisher must send all that it sees; older obstacles are forgotten, '
-        'and a source that is older makes the footprints unknown; 0.0 for never, as a map needs',
+        's; within this the publisher must send all that it sees: one that does not, or is silent '
+        'for longer, makes the footprints unknown; 0.0 for a map, which does not age and needs '
+        'set_end empty_polygon or each_message',
         live=True, safety=True, limits=(0.0, _DAY)))
     enabled: bool = field(default=True, metadata=_setting(
         'false ignores the source and drops its obstacles', live=True, safety=True))
     max_count: int = field(default=100_000, metadata=_setting(
-        'max number of obstacles of a set; with set_end none, of all within one timeout; more '
-        'are refused and make the footprints unknown', live=True, safety=True,
+        'max number of obstacles in a set; with set_end none, of all that are held; more are '
+        'refused and make the footprints unknown', live=True, safety=True,
         limits=(1, 1_000_000)))
     moving: bool = field(default=False, metadata=_setting(
         'true predicts contacts as if each obstacle kept its velocity between the last two '

@@ -44,7 +44,9 @@ _PARAMETERS = """\
     obstacles: [warehouse, people]
     frame_id: {frame}
     warehouse.timeout: 3.0
+    warehouse.set_end: empty_polygon  # which follows the last obstacle of each set
     people.timeout: 1.0
+    people.set_end: empty_polygon
 """
 
 

@@ -580,6 +580,8 @@ class Scene:
             self._invalidate(footprint, _CLOCK_WAS_SET_BACK)
         for source in self._sources.values():
             source.set_back(now)
+        # What follows from it is due.
+        self.deadline = -NEVER
 
     def _is_from_future(self, stamp: int) -> bool:
         return stamp > self._now + self._future_tolerance and self._now > 0

@@ -28,20 +28,21 @@ import numpy as np
 from sat_collision.geometry.polygon import Polygon, PolygonError
 from sat_collision.scene.settings import (
     DEFAULT_FOOTPRINT, DEFAULT_SOURCE, DEFAULT_SOURCE_TOPIC, EACH_MESSAGE, EMPTY_POLYGON,
-    FootprintSettings, NONE, ObstacleSettings, POLYGON_INSTANCE, Settings, Spec, specs, TF)
+    FootprintSettings, NEW_STAMP, NONE, ObstacleSettings, POLYGON_INSTANCE, Settings, Spec,
+    specs, TF)
 
 _LISTS = {'footprints': DEFAULT_FOOTPRINT, 'obstacles': DEFAULT_SOURCE}
 # Parameters that every node of rclpy has.
 _OF_EVERY_NODE = ('qos_overrides', 'start_type_description_service', 'use_sim_time')
-# Former parameters of a source, and what to do instead.
+_SEND_THE_END = (f'write set_end: {EMPTY_POLYGON}, and send an empty polygon after the last '
+                 'obstacle of each')
+# Former parameters of a source, and what to write instead.
 _REMOVED = {
-    'set_quiet': 'remove it: a pause does not end a set; declare what does with set_end',
-    'set_window': 'remove it: stamps do not tell which polygons are a set; declare with set_end '
-                  "what ends one: 'empty_polygon', or 'new_stamp' where all have one stamp",
-    'settle_time': "remove it: a pause does not end a map; set set_end to 'empty_polygon' and "
-                   'send an empty polygon after its last obstacle',
-    'accumulate': "remove it: with set_end 'none', the default, each polygon counts until its "
-                  'timeout'}
+    'set_quiet': f'no pause ends a set: {_SEND_THE_END}',
+    'set_window': f'write set_end: {NEW_STAMP}, if all polygons of a set have one stamp and each '
+                  f'set a newer one; otherwise {_SEND_THE_END}, or nothing',
+    'settle_time': f'no pause ends a map: {_SEND_THE_END}',
+    'accumulate': f'write nothing: each polygon counts until its timeout, as set_end: {NONE} says'}
 _TYPES = {bool: 'true or false', int: 'a whole number', float: 'a double', str: 'a text',
           list: 'a list of texts'}
 _RESERVED = frozenset((*specs(Settings), *_OF_EVERY_NODE))
@@ -180,6 +181,10 @@ def read_settings(footprints: Iterable[str], obstacles: Iterable[str],
                 f'{source.name}.timeout is 0.0, for a map, which must say where it ends: set '
                 f'{source.name}.set_end to {EMPTY_POLYGON} and send an empty polygon after its '
                 f'last obstacle, or to {EACH_MESSAGE} if it is a single polygon')
+        if source.max_count == 1 and source.set_end == NONE and source.type != POLYGON_INSTANCE:
+            raise ParameterError(f'{source.name}.max_count: 1 is a limit, and declares nothing: '
+                                 f'write {source.name}.set_end: {EACH_MESSAGE}, if each message '
+                                 'is all that the publisher sees')
     check_outlines(settings)
     return settings
 

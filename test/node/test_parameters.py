@@ -122,9 +122,9 @@ def test_locked_points_cannot_be_changed(declare):
 def test_every_setting_can_be_given(declare):
     footprints = (FootprintSettings('a', '/robot', 0.5, False, ('d',)),
                   FootprintSettings('b', '/b', obstacles=('c', 'd')))
-    obstacles = (ObstacleSettings('c', '/map', 'polygon_instance', 0.0, False, 0.1, 0.2, True,
-                                  7, True),
-                 ObstacleSettings('d', '/d'))
+    obstacles = (ObstacleSettings('c', '/seen', 'polygon_instance', timeout=0.5, enabled=False,
+                                  max_count=7, moving=True),
+                 ObstacleSettings('d', '/d', set_end='empty_polygon', timeout=0.0))
     wanted = Settings(footprints, obstacles, frame_id='odom', transform_timeout=0.3,
                       max_tf_gap=1.0, max_tilt=0.2, tf_cache_time=5.0, future_tolerance=0.1,
                       clock_timeout=5.0, enabled=False,
@@ -197,9 +197,12 @@ def test_every_parameter_is_described(declare):
                 or descriptor.floating_point_range), descriptor.name
         assert (descriptor.type != ParameterType.PARAMETER_INTEGER
                 or descriptor.integer_range), descriptor.name
-    timeout, kind = node.describe_parameters(['obstacle.timeout', 'obstacle.type'])
-    assert 'forgotten' in timeout.description and timeout.floating_point_range[0].from_value == 0
+    timeout, kind, end = node.describe_parameters(
+        ['obstacle.timeout', 'obstacle.type', 'obstacle.set_end'])
+    assert 'silent' in timeout.description and timeout.floating_point_range[0].from_value == 0
     assert kind.read_only and 'polygon_instance' in kind.additional_constraints
+    for cost_or_cure in ('trail', 'two timeouts old', 'send an empty polygon after each set'):
+        assert cost_or_cure in end.description
 
 
 @pytest.mark.parametrize('values, words', [
@@ -221,7 +224,15 @@ def test_every_parameter_is_described(declare):
     ({'margn': 1.0}, "no parameter 'margn': did you mean margin"),
     ({'footprint.timout': 1.0}, 'did you mean footprint.timeout'),
     ({'scan.timeout': 1.0}, 'no parameter'),
-    ({'obstacle.set_quiet': 0.05}, 'set_quiet.*remove it.*empty polygon'),
+    ({'obstacle.set_quiet': 0.05}, 'set_quiet.* any more: .* set_end: empty_polygon, and send'),
+    ({'obstacle.set_window': 0.1},
+     'set_window.* any more: write set_end: new_stamp, .* set_end: empty_polygon, and send'),
+    ({'obstacle.settle_time': 2.0}, 'settle_time.* any more: .* set_end: empty_polygon, and send'),
+    ({'obstacle.accumulate': True}, 'accumulate.* any more: write nothing.* set_end: none'),
+    ({'obstacle.max_count': 1}, 'obstacle.max_count: 1 .*: write obstacle.set_end: each_message'),
+    ({'obstacle.timeout': 0.0},
+     'obstacle.timeout is 0.0, for a map.* obstacle.set_end to empty_polygon and send'),
+    ({'obstacle.set_end': 'empty'}, 'empty.*none, empty_polygon, new_stamp, each_message'),
     ({'footprint.topic': 'a b'}, 'footprint.topic'),
     ({'footprint.topic': ''}, 'footprint.topic'),
     ({'footprint.obstacles': ['obstacles']}, "'obstacles'; did you mean 'obstacle'"),
@@ -234,8 +245,8 @@ def test_invalid_values_at_the_start_are_refused_in_one_line(declare, values, wo
 
 @pytest.mark.parametrize('name, value', [
     ('enabled', False), ('footprint.enabled', False), ('obstacle.enabled', False),
-    ('footprint.timeout', 3.0), ('obstacle.timeout', 0.0), ('obstacle.set_window', 0.1),
-    ('obstacle.accumulate', True), ('obstacle.max_count', 5), ('release_delay', 1.0),
+    ('footprint.timeout', 3.0), ('obstacle.timeout', 3.0), ('obstacle.max_count', 5),
+    ('release_delay', 1.0),
     ('unknown_is_collision', False), ('publish_rate', 5.0), ('marker_rate', 1.0),
     ('margin', 0.5), ('resolution', 0.5), ('max_batch_delay', 0.0),
 ])
@@ -255,7 +266,7 @@ def test_live_parameters_can_be_changed(declare, name, value):
 
 @pytest.mark.parametrize('name, value', [
     ('footprints', ['a']), ('obstacles', ['a']), ('footprint.topic', '/a'),
-    ('obstacle.type', 'polygon_instance'),
+    ('obstacle.type', 'polygon_instance'), ('obstacle.set_end', 'empty_polygon'),
     ('frame_id', 'odom'), ('max_vertices', 5),
 ])
 def test_structural_parameters_are_read_only(declare, name, value):

@@ -33,7 +33,7 @@ import numpy as np
 from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.packing import DOUBLE, PAIR, TRIPLE
 from sat_collision.geometry.polygon import Points
-from sat_collision.geometry.run import find_polygons
+from sat_collision.geometry.run import find_polygons, IN_ONE_MESSAGE
 from sat_collision.scene.frames import LONGEST_FRAME_ID
 from sat_collision.scene.rotations import Transform
 from sat_collision.scene.velocity import Twist
@@ -70,6 +70,10 @@ _MAX_SHOWN = 200
 _MAX_NAMES = 1000
 _names: dict[bytes, str] = {}
 
+# The bytes of the messages of a run; the end of each but the last, an array of int64; where in
+# each message the points start; and TRIPLE. Of polygons in one message: as `geometry.run.Run` has
+# bytes, offsets and numbers; IN_ONE_MESSAGE, or 0 if there are none; and PAIR.
+RunPoints: TypeAlias = tuple[bytes, Any, int, int]
 # Parent and child frame, stamp in ns, and the transform as received: its rotation may have any
 # length.
 StampedTransform: TypeAlias = tuple[str, str, int, Transform]
@@ -129,13 +133,8 @@ def decode_polygon_2d(data: bytes) -> tuple[int, str, Points, None]:
     return stamp, frame_id, (payload, at, count, PAIR), None
 
 
-def decode_collection(data: bytes) -> tuple[int, str, bytes, Any]:
-    """
-    Read a Polygon2DCollection.
-
-    Return the stamp in ns, the frame_id, the bytes from where alignment counts, and offset and
-    number of the points of each polygon as `geometry.run.Run` has them.
-    """
+def decode_collection(data: bytes) -> tuple[int, str, RunPoints, None]:
+    """Read a Polygon2DCollection; one without polygons is as an empty polygon."""
     stamp, frame_id, payload, at, order = _read_polygon_2d_header(data)
     count, = order.count(payload, at)
     room = (len(payload) - at - COUNT_SIZE) // COUNT_SIZE
@@ -158,7 +157,7 @@ def decode_collection(data: bytes) -> tuple[int, str, bytes, Any]:
             halves = words[start // COUNT_SIZE:][:2 * PAIR * points].reshape(-1, 2)
             halves[:] = halves[:, ::-1].copy()
         payload = words.tobytes()
-    return stamp, frame_id, payload, spans
+    return stamp, frame_id, (payload, spans, IN_ONE_MESSAGE if count else 0, PAIR), None
 
 
 def _read_polygon_2d_header(data: bytes) -> tuple[int, str, bytes, int, _Order]:

@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterator, Sequence
 import enum
 from functools import partial
 from itertools import accumulate, pairwise
-from typing import Any, cast, NamedTuple, TypeAlias
+from typing import Any, cast, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,15 +30,19 @@ from sat_collision.geometry.layout import packed_size
 from sat_collision.geometry.packing import pack_convex, PAIR, TRIPLE
 from sat_collision.geometry.polygon import (
     Affine2D, PackedBody, Points, Polygon, PolygonError, Reason, UNMOVED)
+from sat_collision.geometry.run import IN_ONE_MESSAGE, Run
 from sat_collision.messages.cdr import (
-    COUNT_SIZE, decode, header_stamp, MessageError, POINT_SIZE, STAMP_SIZE)
+    COUNT_SIZE, decode, decode_collection, decode_polygon_2d, header_stamp, MessageError,
+    POINT_SIZE, RunPoints, STAMP_SIZE)
 from sat_collision.messages.rejections import (
     detail_of, EMPTY_FRAME_ID, LONG_FRAME_ID, Rejection, UNDECODABLE)
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.scene.frames import LONGEST_FRAME_ID, Mapped, NoTransform
+from sat_collision.scene.obstacle_store import Polygons, Shape
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import (
-    CommandSettings, FootprintSettings, NEVER, ObstacleSettings, POLYGON_INSTANCE, Settings)
+    CommandSettings, FootprintSettings, NEVER, ObstacleSettings, POLYGON, POLYGON_2D,
+    POLYGON_COLLECTION, POLYGON_INSTANCE, Settings)
 from sat_collision.scene.velocity import Velocity
 
 # Max vertices that plain Python cuts into convex parts and measures in time, see
@@ -48,9 +52,9 @@ _MAX_NON_CONVEX = 128
 _POINTS_FOR_A_VERTEX = 8
 _NO_ENDS = indexable(np.empty(0, np.int64))
 
-# The bytes of the messages of a run; the end of each but the last, an array of int64; and where in
-# each message the points start, TRIPLE; or as `geometry.run.Run` has them.
-RunPoints: TypeAlias = tuple[bytes, Any, int, int]
+_DECODERS: dict[str, Callable[[bytes], tuple[int, str, Any, int | None]]] = {
+    POLYGON: partial(decode, instance=False), POLYGON_2D: decode_polygon_2d,
+    POLYGON_COLLECTION: decode_collection, POLYGON_INSTANCE: partial(decode, instance=True)}
 
 
 class Wait(enum.Enum):
@@ -116,6 +120,9 @@ class Placement(NamedTuple):
         data, ends, points_at, step = self.points
         if isinstance(ends, int):
             yield self
+        elif points_at == IN_ONE_MESSAGE:
+            for start, count in np.asarray(ends).reshape(-1, 2).tolist():
+                yield self._replace(points=(data, start, count, step))
         else:
             for start, end in pairwise([0, *ends.tolist(), len(data)]):
                 start += points_at
@@ -138,16 +145,18 @@ class Ingest:
         self._scene = scene
         self._transforms = transforms
         self._fixed = settings.frame_id
-        self._with_ids = {source.name for source in settings.obstacles
-                          if source.type == POLYGON_INSTANCE}
+        inputs: tuple[FootprintSettings | ObstacleSettings, ...] = (
+            *settings.footprints, *settings.obstacles)
+        self._decode = {one.name: _DECODERS[one.type] for one in inputs}
+        # The refused polygons of the last collection.
+        self._refused: list[tuple[int, PolygonError]] = []
         self._packer = Packer(settings.max_vertices)
         # By source of a map: the frame of a message refused for lack of a transform.
         self.untransformed: dict[str, str] = {}
         # By source without ids, of the last obstacle accepted: the bytes before its point count,
         # the offset of the points in the message, its stamp, and the frame in which it was sent.
         self.headers: dict[str, tuple[bytes, int, int, str] | None] = {
-            source.name: None for source in settings.obstacles
-            if source.type != POLYGON_INSTANCE}
+            source.name: None for source in settings.obstacles if source.type == POLYGON}
         # By source of a map, for each other frame in which it was sent: the affine map from there.
         self._followed: dict[str, dict[str, Affine2D]] = {}
 
@@ -206,7 +215,7 @@ class Ingest:
         scene, name = self._scene, settings.name
         stamp = instance = None
         try:
-            stamp, sent_in, points, instance = decode(data, name in self._with_ids)
+            stamp, sent_in, points, instance = self._decode[name](data)
             frame_id = sent_in
             affine: Affine2D | None = None
             if not frame_id and points[2]:
@@ -234,10 +243,10 @@ class Ingest:
                 if refusal is None and scene.is_tracked(name):
                     scene.track(name, vertices_of(points, affine))
             else:
-                obstacle = self._packer.pack(points, affine or UNMOVED) if points[2] else None
                 if affine and not settings.timeout:
                     sent = sent_in, points
                     self._followed.setdefault(name, {})[sent_in] = affine
+                obstacle = self._shape(settings, points, affine, sent) if points[2] else None
                 refusal = scene.obstacle(name, obstacle, frame_id, stamp, now, instance, number,
                                          sent)
                 if settings.moving and obstacle and instance is not None and refusal is None:
@@ -247,11 +256,21 @@ class Ingest:
         except PolygonError as error:
             return self.refuse(settings, error.reason.value, str(error), now, stamp, instance,
                                number)
-        if refusal is None:
+        refused, self._refused = self._refused, []
+        for _, error in refused:
+            self.rejected[name, error.reason.value] += 1
+        if refusal is None or refused:
             if self._placements is not None:
+                if refused:
+                    data, spans, in_one, step = points
+                    kept = np.delete(np.asarray(spans).reshape(-1, 2), [k for k, _ in refused], 0)
+                    points = data, kept.ravel(), in_one, step
                 self._placements.append(Placement(
                     name, stamp or now, stamp != 0, frame_id, points, affine, instance,
                     scene.joined(name)))
+            if refused:
+                k, error = refused[0]
+                return Rejection(name, settings.topic, error.reason.value, f'polygon {k}: {error}')
             if name in self.headers and points[2] and points[0] is data:
                 self.headers[name] = data[:points[1] - COUNT_SIZE], points[1], stamp, sent_in
             return None
@@ -261,7 +280,7 @@ class Ingest:
     def take_early(self, settings: ObstacleSettings, data: bytes, now: int) -> None:
         """Let an obstacle count that waits behind a message without a transform."""
         try:
-            stamp, frame_id, points, _ = decode(data, settings.name in self._with_ids)
+            stamp, frame_id, points, _ = self._decode[settings.name](data)
             affine = UNMOVED
             if frame_id != self._fixed:
                 found = self._lookup(settings, frame_id, stamp, now)
@@ -269,11 +288,31 @@ class Ingest:
                     return
                 affine = found.affine
             if points[2]:
-                self._scene.receive_early(settings.name, self._packer.pack(points, affine),
-                                          self._fixed, stamp)
+                self._scene.receive_early(
+                    settings.name, self._shape(settings, points, affine, None), self._fixed, stamp)
         except (MessageError, PolygonError):
             # It is refused when it has waited.
             pass
+
+    def _shape(self, settings: ObstacleSettings, points: Any, affine: Affine2D | None,
+               sent: tuple[str, Any] | None) -> Shape:
+        """Return what a message with points places, valid until the next call."""
+        if settings.type != POLYGON_COLLECTION:
+            return self._packer.pack(points, affine or UNMOVED)
+        data, spans, _, step = points
+
+        def run(first: int) -> Run:
+            return (data, spans, first, IN_ONE_MESSAGE, affine or UNMOVED,
+                    self._packer.max_vertices, self._packer.array)
+
+        def body(k: int) -> tuple[PackedBody | None, str | None, Any]:
+            one = data, int(spans[2 * k]), int(spans[2 * k + 1]), step
+            try:
+                return self._packer.pack(one, affine or UNMOVED), None, sent and (sent[0], one)
+            except PolygonError as error:
+                self._refused.append((k, error))
+                return None, error.reason.value, None
+        return Polygons(len(spans) // 2, None if sent else run, body)
 
     def follow_maps(self, now: int) -> None:
         """Place maps anew whose frames have moved; one whose frame is not known is not known."""

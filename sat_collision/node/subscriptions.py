@@ -37,13 +37,15 @@ from sat_collision.node.loop import Input, unused
 from sat_collision.node.publishers import Publishers
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.settings import (
-    CommandSettings, FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings, TF)
+    CommandSettings, FootprintSettings, ObstacleSettings, POLYGON_2D, POLYGON_COLLECTION,
+    POLYGON_INSTANCE, Settings, TF)
 
 # QoS of transforms, as in tf2.
 _TRANSFORM_DEPTH = 100
 _DURABILITIES = {TF: QoSDurabilityPolicy.VOLATILE, TF_STATIC: QoSDurabilityPolicy.TRANSIENT_LOCAL}
 _FOOTPRINT_DEPTH = 1
 _SETS_IN_QUEUE = 2
+_COLLECTION_DEPTH = 10
 # Every pose is used.
 _ODOMETRY_DEPTH = 100
 # QoS policies that parameters can override.
@@ -82,10 +84,11 @@ class Subscriptions:
                 from nav_msgs.msg import Odometry
                 self._subscribe(footprint, Odometry, _ODOMETRY_DEPTH, 'odometry')
             elif not footprint.has_outline:
-                self._subscribe(footprint, PolygonStamped, _FOOTPRINT_DEPTH)
+                self._subscribe(footprint, _kind(footprint), _FOOTPRINT_DEPTH)
         for source in settings.obstacles:
-            kind = PolygonInstanceStamped if source.type == POLYGON_INSTANCE else PolygonStamped
-            self._subscribe(source, kind, _SETS_IN_QUEUE * source.max_count)
+            is_whole = source.type == POLYGON_COLLECTION
+            self._subscribe(source, _kind(source),
+                            _COLLECTION_DEPTH if is_whole else _SETS_IN_QUEUE * source.max_count)
         self.publishers = Publishers(node, self.inputs)
 
     def renew(self, name: str) -> bool:
@@ -139,6 +142,23 @@ class Subscriptions:
         self.publishers.changed.add(source.name)
         self._health.count_event(source.topic, 'liveliness lost',
                                  max(event.not_alive_count_change, 0))
+
+
+def _kind(settings: FootprintSettings | ObstacleSettings) -> type:
+    """Return the class of the messages of an input; ParameterError if it is not installed."""
+    if settings.type == POLYGON_INSTANCE:
+        return PolygonInstanceStamped  # type: ignore[no-any-return]
+    if settings.type not in (POLYGON_2D, POLYGON_COLLECTION):
+        return PolygonStamped  # type: ignore[no-any-return]
+    try:
+        from polygon_msgs import msg
+    except ImportError as error:
+        raise ParameterError(
+            f'{settings.name}.type: {settings.type} needs polygon_msgs: apt install '
+            'ros-jazzy-polygon-msgs, or build it from source beside this package') from error
+    kind: type = (msg.Polygon2DStamped if settings.type == POLYGON_2D
+                  else msg.Polygon2DCollection)
+    return kind
 
 
 def transform_type(node: Node, settings: Settings) -> type | None:

@@ -27,10 +27,11 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, cast, NamedTuple
 
 from sat_collision.geometry.polygon import PackedBody
-from sat_collision.scene.obstacle_store import ObstacleGroup, ObstacleStore, SetGroup, TOO_MANY
+from sat_collision.scene.obstacle_store import (
+    ObstacleGroup, ObstacleStore, SetGroup, Shape, TOO_MANY)
 from sat_collision.scene.settings import (
     EACH_MESSAGE, EMPTY_POLYGON, NEVER, NEW_STAMP, ObstacleSettings, POLYGON_INSTANCE)
 from sat_collision.scene.streams import BEGUN, CONTINUES, JOINED, LOST, News
@@ -57,7 +58,7 @@ class Message(NamedTuple):
     stamp: int  # as sent, the time of arrival if it has none
     time: int  # that it counts from: the stamp, or the arrival if that is earlier
     is_stamped: bool
-    body: PackedBody | None = None  # None for an empty polygon, and if it is refused
+    body: Shape | None = None  # None for an empty polygon, and if it is refused
     frame_id: str = ''
     refusal: str | None = None  # why it is refused
     instance: int | None = None  # the obstacle's id, of a source that gives ids
@@ -154,7 +155,7 @@ class Listings(Knowledge):
         self._newer: list[_Listing] = []  # those after the last whole one that are not whole
         self._is_spoiled = False  # whether a message of unknown content came last
         self._ends: deque[int] = deque(maxlen=_MEASURED)
-        self._end = settings.set_end
+        self._end = settings.ending
         super().__init__(store, settings, tolerance)
 
     @property
@@ -395,7 +396,9 @@ class Refreshed(Knowledge):
             return refusal
         self.begin_run(message, now)
         if message.instance and self.by_id is not None:
-            refusal = self.by_id.take(message.instance, message.body, message.frame_id,
+            # A message with an id has one polygon.
+            body = cast(PackedBody | None, message.body)
+            refusal = self.by_id.take(message.instance, body, message.frame_id,
                                       message.stamp, message.time, refusal)
         elif self.count < self.max_count:
             self.group_for(message, now).take(message.body, message.frame_id, message.time)

@@ -18,8 +18,9 @@ from __future__ import annotations
 
 from collections import Counter, OrderedDict
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from itertools import chain, takewhile
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from sat_collision.geometry.jit import indexable
@@ -34,6 +35,20 @@ TOO_MANY = 'too many obstacles'
 MOVED = 'not valid where its frame has moved'
 
 _MAX_SPARE = 100
+
+
+@dataclass(frozen=True, slots=True)
+class Polygons:
+    """The polygons of a message that has all that a source sees."""
+
+    count: int
+    run: Callable[[int], Run] | None  # those from one on; None where each is placed by itself
+    # The body of one, why it is refused, and what is needed to place it anew.
+    body: Callable[[int], tuple[PackedBody | None, str | None, Any]]
+
+
+# What a message places.
+Shape: TypeAlias = PackedBody | Polygons
 
 
 class ObstacleStore:
@@ -209,7 +224,7 @@ class SetGroup(ObstacleGroup):
             self._pending.append((begin, self._taken, frame_id, time))
         return count
 
-    def take(self, body: PackedBody | None, frame_id: str, time: int, refusal: str | None = None,
+    def take(self, body: Shape | None, frame_id: str, time: int, refusal: str | None = None,
              instance: int | None = None, sent: Any = None) -> str | None:
         """
         Take a message, with body None if it is refused; return why it is refused, or None.
@@ -217,6 +232,8 @@ class SetGroup(ObstacleGroup):
         The obstacle is named by its id, without one by its place; `sent` is what is needed to
         place it anew.
         """
+        if isinstance(body, Polygons):
+            return self._take_all(body, frame_id, time)
         place = self._taken
         if place >= self._store.max_count:
             # All obstacles beyond the limit share a place.
@@ -235,6 +252,22 @@ class SetGroup(ObstacleGroup):
             self.frames.add(sent[0])
         self._put(obstacle, body, frame_id, time, refusal)
         return refusal
+
+    def _take_all(self, polygons: Polygons, frame_id: str, time: int) -> str | None:
+        """Take the polygons of a message; return why the first refused one is."""
+        problem = None
+        k = 0
+        while k < polygons.count and problem is not TOO_MANY:
+            if polygons.run:
+                k += self.take_run(polygons.run(k), self._store.max_count - self._taken, frame_id,
+                                   time)
+            if k < polygons.count:
+                body, refusal, sent = polygons.body(k)
+                refusal = self.take(body, frame_id, time, refusal, None, sent)
+                problem = refusal if refusal is TOO_MANY else problem or (
+                    refusal and f'polygon {k}: {refusal}')
+                k += 1
+        return problem
 
     def place_anew(self, frame_id: str, body_of: Callable[[Any], PackedBody | None]) -> None:
         """Place obstacles that were sent in a frame where that is now; None refuses one."""

@@ -28,8 +28,8 @@ import numpy as np
 from sat_collision.geometry.polygon import Polygon, PolygonError
 from sat_collision.scene.settings import (
     DEFAULT_FOOTPRINT, DEFAULT_SOURCE, DEFAULT_SOURCE_TOPIC, EACH_MESSAGE, EMPTY_POLYGON,
-    FootprintSettings, NEW_STAMP, NONE, ObstacleSettings, POLYGON_INSTANCE, Settings, Spec,
-    specs, TF)
+    FootprintSettings, NEW_STAMP, NONE, ObstacleSettings, POLYGON_COLLECTION, POLYGON_INSTANCE,
+    Settings, Spec, specs, TF)
 
 _LISTS = {'footprints': DEFAULT_FOOTPRINT, 'obstacles': DEFAULT_SOURCE}
 # Parameters that every node of rclpy has.
@@ -176,7 +176,10 @@ def read_settings(footprints: Iterable[str], obstacles: Iterable[str],
         if source.moving and source.set_end != NONE:
             raise ParameterError(f'{source.name}.moving: obstacles that move are known by their '
                                  f'ids alone: set {source.name}.set_end to {NONE}')
-        if not source.timeout and source.set_end not in (EMPTY_POLYGON, EACH_MESSAGE):
+        if source.type == POLYGON_COLLECTION and source.set_end not in (NONE, EACH_MESSAGE):
+            raise ParameterError(f'{source.name}.set_end: each message of {POLYGON_COLLECTION} is '
+                                 f'a set: leave set_end out')
+        if not source.timeout and source.ending not in (EMPTY_POLYGON, EACH_MESSAGE):
             raise ParameterError(
                 f'{source.name}.timeout is 0.0, for a map, which must say where it ends: set '
                 f'{source.name}.set_end to {EMPTY_POLYGON} and send an empty polygon after its '

@@ -28,7 +28,7 @@ from sat_collision.geometry.run import Run
 from sat_collision.scene.contacts import Contacts, NoContacts
 from sat_collision.scene.footprints import Evaluation, Footprint, Origin, State, Status
 from sat_collision.scene.frames import in_quotes
-from sat_collision.scene.obstacle_store import OTHER_FRAME
+from sat_collision.scene.obstacle_store import OTHER_FRAME, Shape
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.prediction import predict, Prediction, velocity_of
 from sat_collision.scene.settings import (
@@ -241,7 +241,7 @@ class Scene:
         if self._contacts.changed:
             self._evaluate()
 
-    def obstacle(self, name: str, body: PackedBody | None, frame_id: str, stamp: int, now: int,
+    def obstacle(self, name: str, body: Shape | None, frame_id: str, stamp: int, now: int,
                  instance: int | None = None, number: int | None = None,
                  sent: Any = None) -> str | None:
         """
@@ -376,7 +376,7 @@ class Scene:
             source.wait(waits, self._now)
             self._follow_up(source)
 
-    def receive_early(self, name: str, body: PackedBody, frame_id: str, stamp: int) -> None:
+    def receive_early(self, name: str, body: Shape, frame_id: str, stamp: int) -> None:
         """Let an obstacle count that waits behind a message without a transform."""
         self._sources[name].receive_early(body, frame_id, stamp, self._now)
         self._evaluate()

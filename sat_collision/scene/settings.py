@@ -25,6 +25,8 @@ from sat_collision.scene.velocity import VELOCITY_LASTS
 
 POLYGON = 'polygon'
 POLYGON_INSTANCE = 'polygon_instance'
+POLYGON_COLLECTION = 'polygon_collection'
+POLYGON_2D = 'polygon_2d'
 # What ends a set of obstacles.
 NONE, EMPTY_POLYGON, NEW_STAMP, EACH_MESSAGE = SET_ENDS = (
     'none', 'empty_polygon', 'new_stamp', 'each_message')
@@ -89,6 +91,9 @@ class FootprintSettings:
     name: str
     topic: str = field(metadata=_setting(
         'topic of the footprint, geometry_msgs/PolygonStamped; by default its name'))
+    type: str = field(default=POLYGON, metadata=_setting(  # noqa: A003, the parameter's name
+        'polygon is geometry_msgs/PolygonStamped; polygon_2d is polygon_msgs/Polygon2DStamped, '
+        'whose coordinates are float64', choices=(POLYGON, POLYGON_2D)))
     timeout: float = field(default=1.0, metadata=_setting(
         's; a footprint older than this by its header stamp is unknown; 0.0 for never',
         live=True, safety=True, limits=(0.0, _DAY)))
@@ -150,8 +155,9 @@ class ObstacleSettings:
         f'{DEFAULT_SOURCE_TOPIC} for the source {DEFAULT_SOURCE}'))
     type: str = field(default=POLYGON, metadata=_setting(  # noqa: A003, the parameter's name
         'polygon is geometry_msgs/PolygonStamped; polygon_instance is PolygonInstanceStamped, '
-        'whose ids identify obstacles',
-        choices=(POLYGON, POLYGON_INSTANCE)))
+        'whose ids identify obstacles; polygon_collection is polygon_msgs/Polygon2DCollection, '
+        'of which each message is a whole set',
+        choices=(POLYGON, POLYGON_INSTANCE, POLYGON_COLLECTION)))
     set_end: str = field(default=NONE, metadata=_setting(
         'what ends a set, which is all that the publisher sees: empty_polygon, one after the last '
         'obstacle; new_stamp, as all of a set have one stamp and the next set a newer one; '
@@ -175,6 +181,11 @@ class ObstacleSettings:
         'true predicts contacts as if each obstacle kept its velocity between the last two '
         'messages of its id, so type must be polygon_instance; false as if all stood still',
         live=True, safety=True))
+
+    @property
+    def ending(self) -> str:
+        """What ends a set of it, one of SET_ENDS."""
+        return EACH_MESSAGE if self.type == POLYGON_COLLECTION else self.set_end
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,7 +23,7 @@ from sat_collision.geometry.polygon import PackedBody
 from sat_collision.geometry.run import Run
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.knowledge import Listings, Message, Refreshed
-from sat_collision.scene.obstacle_store import ObstacleGroup, ObstacleStore, SetGroup
+from sat_collision.scene.obstacle_store import ObstacleGroup, ObstacleStore, SetGroup, Shape
 from sat_collision.scene.settings import (
     BY_ANOTHER_CLOCK, EACH_MESSAGE, EMPTY_POLYGON, FAR, NEVER, NEW_STAMP, NONE, ObstacleSettings,
     POLYGON_INSTANCE)
@@ -84,7 +84,7 @@ class Source:
         self.store.max_count = settings.max_count
 
     def _new_knowledge(self) -> _Knowledge:
-        is_refreshed = self.settings.set_end == NONE and self.timeout < NEVER
+        is_refreshed = self.settings.ending == NONE and self.timeout < NEVER
         return (Refreshed if is_refreshed else Listings)(
             self.store, self.settings, self._tolerance)
 
@@ -105,7 +105,7 @@ class Source:
     def rule(self) -> str:
         """The rule by which its obstacles are known, in words."""
         if isinstance(self.knowledge, Listings):
-            return _RULES.get(self.settings.set_end, 'none')
+            return _RULES.get(self.settings.ending, 'none')
         return 'ids' if self.settings.type == POLYGON_INSTANCE else 'timeout'
 
     @property
@@ -204,7 +204,7 @@ class Source:
             self._early = None
         self._find_faults(now)
 
-    def receive_early(self, body: PackedBody, frame_id: str, stamp: int, now: int) -> None:
+    def receive_early(self, body: Shape, frame_id: str, stamp: int, now: int) -> None:
         """Let an obstacle count that waits behind a message without a transform."""
         if self._early is None:
             self._early = self.store.new_set()
@@ -230,7 +230,7 @@ class Source:
         return set().union(*(group.frames for group in self.store.groups
                              if isinstance(group, SetGroup)))
 
-    def receive(self, body: PackedBody | None, frame_id: str, stamp: int | None, now: int,
+    def receive(self, body: Shape | None, frame_id: str, stamp: int | None, now: int,
                 instance: int | None, number: int | None, refusal: str | None = None,
                 sent: Any = None) -> str | None:
         """
@@ -304,7 +304,7 @@ class Source:
         if extended := knowledge.group_to_extend(stamp):
             group, room = extended
             taken = group.take_run(run, room, frame_id, stamp)
-        elif self.settings.set_end != EACH_MESSAGE and self.settings.type != POLYGON_INSTANCE and (
+        elif self.settings.ending != EACH_MESSAGE and self.settings.type != POLYGON_INSTANCE and (
                 stamp + self.timeout >= knowledge.newest) and (
                 taken := self.store.contacts.count_unplaced(run, self.settings.max_count)):
             message = Message(CONTINUES, stamp, stamp, True)

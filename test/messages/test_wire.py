@@ -75,7 +75,7 @@ def read_polygon_2d(data):
 
 
 def read_collection(data):
-    stamp, frame_id, payload, spans = decode_collection(data)
+    stamp, frame_id, (payload, spans, _, _), _ = decode_collection(data)
     spans = np.asarray(spans).reshape(-1, 2).tolist()
     return stamp, frame_id, [points_2d(payload, start, count) for start, count in spans]
 

@@ -129,7 +129,8 @@ def moved(values, first, step, received, affine):
     """
     Return x, y of points transformed by an affine map, of values from an index on.
 
-    A point takes `step` values, of which x and y are the first. Each coordinate is rounded four times, see docs/exactness.md, lemma 14; not at all by UNMOVED.
+    A point takes `step` values, x and y first. Each coordinate is rounded four times, see
+    docs/exactness.md, lemma 14; not at all by UNMOVED.
     """
     a, b, c, d, e, f = affine
     points = scratch(2 * received)

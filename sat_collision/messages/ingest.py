@@ -257,8 +257,8 @@ class Ingest:
             return self.refuse(settings, error.reason.value, str(error), now, stamp, instance,
                                number)
         refused, self._refused = self._refused, []
-        for _, error in refused:
-            self.rejected[name, error.reason.value] += 1
+        for _, problem in refused:
+            self.rejected[name, problem.reason.value] += 1
         if refusal is None or refused:
             if self._placements is not None:
                 if refused:
@@ -269,8 +269,9 @@ class Ingest:
                     name, stamp or now, stamp != 0, frame_id, points, affine, instance,
                     scene.joined(name)))
             if refused:
-                k, error = refused[0]
-                return Rejection(name, settings.topic, error.reason.value, f'polygon {k}: {error}')
+                k, problem = refused[0]
+                return Rejection(name, settings.topic, problem.reason.value,
+                                 f'polygon {k}: {problem}')
             if name in self.headers and points[2] and points[0] is data:
                 self.headers[name] = data[:points[1] - COUNT_SIZE], points[1], stamp, sent_in
             return None
@@ -300,6 +301,7 @@ class Ingest:
         if settings.type != POLYGON_COLLECTION:
             return self._packer.pack(points, affine or UNMOVED)
         data, spans, _, step = points
+        self._refused.clear()
 
         def run(first: int) -> Run:
             return (data, spans, first, IN_ONE_MESSAGE, affine or UNMOVED,

@@ -64,7 +64,7 @@ def _polygons_2d_head(stamp, frame_id, order):
 
 
 def _with_points_2d(body, points, order):
-    """Padding is not zero, as from the middleware."""
+    """Append the points of a polygon; padding is not zero, as from the middleware."""
     body += struct.pack(order + 'I', len(points))
     if points:
         body += b'\xaa' * (-len(body) % 8)

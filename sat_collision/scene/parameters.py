@@ -34,15 +34,15 @@ from sat_collision.scene.settings import (
 _LISTS = {'footprints': DEFAULT_FOOTPRINT, 'obstacles': DEFAULT_SOURCE}
 # Parameters that every node of rclpy has.
 _OF_EVERY_NODE = ('qos_overrides', 'start_type_description_service', 'use_sim_time')
-_SEND_THE_END = (f'write set_end: {EMPTY_POLYGON}, and send an empty polygon after the last '
-                 'obstacle of each')
+_SEND_ENDS = (f'write set_end: {EMPTY_POLYGON}, and send an empty polygon after the last '
+              'obstacle of')
 # Former parameters of a source, and what to write instead.
 _REMOVED = {
-    'set_quiet': f'no pause ends a set: {_SEND_THE_END}',
-    'set_window': f'write set_end: {NEW_STAMP}, if all polygons of a set have one stamp and each '
-                  f'set a newer one; otherwise {_SEND_THE_END}, or nothing',
-    'settle_time': f'no pause ends a map: {_SEND_THE_END}',
-    'accumulate': f'write nothing: each polygon counts until its timeout, as set_end: {NONE} says'}
+    'set_quiet': f'{_SEND_ENDS} each set',
+    'set_window': f'{_SEND_ENDS} each set; or write set_end: {NEW_STAMP}, if all polygons of a '
+                  'set have one stamp and the next set a newer one',
+    'settle_time': f'{_SEND_ENDS} the map',
+    'accumulate': 'remove it: each polygon counts until its timeout, unless set_end is given'}
 _TYPES = {bool: 'true or false', int: 'a whole number', float: 'a double', str: 'a text',
           list: 'a list of texts'}
 _RESERVED = frozenset((*specs(Settings), *_OF_EVERY_NODE))

@@ -114,7 +114,7 @@ class Source:
         if not self.settings.enabled:
             return 'disabled'
         knowledge = self.knowledge
-        count = f'{knowledge.count} obstacle{"s" * (knowledge.count != 1)}'
+        count = f'{knowledge.count} polygon{"s" * (knowledge.count != 1)}'
         if isinstance(knowledge, Refreshed):
             return f'{count} of the last {self.settings.timeout:g} s, by {self.rule}'
         rate = f', {knowledge.rate:.3g} listings/s' if knowledge.rate else ''

@@ -184,7 +184,7 @@ def read_settings(footprints: Iterable[str], obstacles: Iterable[str],
                 f'{source.name}.timeout is 0.0, for a map, which must say where it ends: set '
                 f'{source.name}.set_end to {EMPTY_POLYGON} and send an empty polygon after its '
                 f'last obstacle, or to {EACH_MESSAGE} if it is a single polygon')
-        if source.max_count == 1 and source.set_end == NONE and source.type != POLYGON_INSTANCE:
+        if source.max_count == 1 and source.ending == NONE and source.type != POLYGON_INSTANCE:
             raise ParameterError(f'{source.name}.max_count: 1 is a limit, and declares nothing: '
                                  f'write {source.name}.set_end: {EACH_MESSAGE}, if each message '
                                  'is all that the publisher sees')

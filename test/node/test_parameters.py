@@ -120,7 +120,7 @@ def test_locked_points_cannot_be_changed(declare):
 
 
 def test_every_setting_can_be_given(declare):
-    footprints = (FootprintSettings('a', '/robot', 0.5, False, ('d',)),
+    footprints = (FootprintSettings('a', '/robot', timeout=0.5, enabled=False, obstacles=('d',)),
                   FootprintSettings('b', '/b', obstacles=('c', 'd')))
     obstacles = (ObstacleSettings('c', '/seen', 'polygon_instance', timeout=0.5, enabled=False,
                                   max_count=7, moving=True),

@@ -10,6 +10,7 @@ demo: $(VENV)/demo.stamp
 # Three at a time, because tests of nodes mostly wait.
 test: TESTS = -m 'not long' -n 3
 test-all: TESTS = -n 2
+test-all: $(VENV)/messages.stamp
 test test-all: $(VENV)/test.stamp
 	$(BIN)/python -m mypy
 	$(BIN)/python -m sat_collision.replay.kernels
@@ -79,6 +80,11 @@ $(VENV)/demo.stamp: setup.py | $(BIN)/python
 
 $(VENV)/test.stamp: setup.py | $(BIN)/python
 	$(BIN)/pip install --quiet --editable '.[ros,fast,plot,replay,test]'
+	touch $@
+
+# The messages of polygon_msgs, which PyPI does not have; this needs g++ and Python's headers.
+$(VENV)/messages.stamp: $(wildcard test/polygon_msgs/* test/polygon_msgs/msg/*) | $(BIN)/python
+	bash test/polygon_msgs/build.sh $(BIN)/python
 	touch $@
 
 $(VENV)/bench.stamp: setup.py | $(BIN)/python

@@ -1,0 +1,194 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Whole sets in one message: polygon_msgs/Polygon2DCollection, and Polygon2DStamped footprints."""
+
+from dataclasses import replace
+import random
+
+from builders import box, collection, polygon_2d, SECOND, transforms
+from monitors import BOW_TIE, CIRCLE, NOW
+from oracle import intersects
+import pytest
+from sat_collision.messages.transform_listener import TF_STATIC
+from sat_collision.monitor import Monitor
+from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
+
+L_SHAPE = [(0, 3), (2, 3), (2, 5), (1, 5), (1, 4), (0, 4)]
+
+
+class Collections:
+    """A monitor of a footprint and a source of collections, in one frame or with transforms."""
+
+    def __init__(self, footprint=None, frame_id='', **changes):
+        source = ObstacleSettings('lidar', '/lidar', type='polygon_collection')
+        self.monitor = Monitor(Settings(
+            footprints=(FootprintSettings('robot', '/robot', type='polygon_2d'),),
+            obstacles=(replace(source, **changes),), frame_id=frame_id), transforms=bool(frame_id))
+        self.number = 0
+        self.now = NOW
+        self.place(footprint or box(0))
+
+    def place(self, footprint):
+        self.robot_number = getattr(self, 'robot_number', 0) + 1
+        assert self.monitor.receive('robot', polygon_2d(footprint, self.now), self.now,
+                                    self.robot_number) is None
+
+    def send(self, *polygons, stamp=None, lost=0, frame_id='map'):
+        """Receive polygons as one message; return why it is refused."""
+        self.number += 1 + lost
+        message = collection(polygons, self.now if stamp is None else stamp, frame_id)
+        return self.monitor.receive('lidar', message, self.now, self.number)
+
+    @property
+    def status(self):
+        return self.monitor.scene.state('robot').status.value
+
+    @property
+    def faults(self):
+        return ' '.join(self.monitor.scene.source_faults)
+
+
+def test_one_message_is_a_whole_set():
+    """It is known from the first on, whatever was lost before it, and replaces the one before."""
+    world = Collections()
+    world.send(box(5), box(10), lost=7)
+    assert world.status == 'clear'
+    world.send(box(5), box(0.5), L_SHAPE)
+    assert world.status == 'collision'
+    assert [str(name) for name in world.monitor.scene.state('robot').contacts] == ['lidar/1']
+    world.send(box(5), lost=3)
+    assert world.status == 'clear'
+    world.send()
+    assert world.status == 'clear' and not world.monitor.scene.obstacles
+
+
+@pytest.mark.parametrize('number', (None, 1, 5))
+def test_numbers_do_not_matter(number):
+    """A middleware may give none."""
+    world = Collections()
+    for _ in range(3):
+        assert world.monitor.receive('lidar', collection([box(5)], NOW), NOW, number) is None
+    assert world.status == ('clear' if number is None else 'unknown')
+
+
+def test_set_is_as_old_as_its_stamp():
+    world = Collections(timeout=2.0)
+    world.send(box(5), stamp=NOW - SECOND)
+    assert world.status == 'clear'
+    world.now += 3 * SECOND // 2
+    world.monitor.advance(world.now)
+    world.place(box(0))
+    assert world.status == 'unknown'
+
+
+def test_coordinates_are_float64():
+    """At UTM coordinates float32 has steps of 0.5 m, and these two would touch."""
+    north = 5_500_000.0
+    world = Collections([(0, north), (1, north), (1, north + 1)])
+    world.send([(1.1, north), (2, north), (2, north + 1)])
+    assert world.status == 'clear'
+    world.send([(1.0, north + 0.5), (2, north), (2, north + 1)])
+    assert world.status == 'collision'
+
+
+@pytest.mark.parametrize('wrong, reason', [
+    (BOW_TIE, 'self-intersecting'), ([], 'empty'), ([(0, float('nan'))], 'not finite'),
+    (CIRCLE, 'too many vertices')])
+def test_refused_polygon_makes_the_source_unknown_until_the_next_good_message(wrong, reason):
+    """Its index and reason are told, and the others count."""
+    world = Collections()
+    world.send(box(9))
+    rejection = world.send(box(5), box(6), wrong, box(7))
+    assert rejection.reason == reason and rejection.detail.startswith('polygon 2: ')
+    assert f'polygon 2: {reason}' in world.faults and world.status == 'unknown'
+    assert world.monitor.rejected['lidar', reason] == 1
+    world.send(wrong, box(0.5))
+    assert world.status == 'collision'
+    world.send(box(5))
+    assert world.status == 'clear' and not world.faults
+
+
+def test_older_stamp_replaces_nothing():
+    """Both count until a newer one comes; of a map the order decides."""
+    for timeout, then in ((2.0, 'collision'), (0.0, 'clear')):
+        world = Collections(timeout=timeout)
+        world.send(box(0.5))
+        world.send(box(5), stamp=NOW - SECOND)
+        assert world.status == then
+        world.send(box(6))
+        assert world.status == 'clear' and len(world.monitor.scene.obstacles) == 1
+
+
+def test_more_than_max_count_is_refused():
+    world = Collections(max_count=3)
+    assert world.send(*[box(5)] * 4).reason == 'too many obstacles'
+    assert world.status == 'unknown'
+    world.send(*[box(5)] * 3)
+    assert world.status == 'clear'
+
+
+def test_undecodable_message_is_refused():
+    world = Collections()
+    world.send(box(5))
+    world.number += 1
+    data = collection([box(5)], NOW)
+    assert world.monitor.receive('lidar', data[:-1], NOW, world.number).reason == 'undecodable'
+    assert world.status == 'unknown'
+    world.send(box(5))
+    assert world.status == 'clear'
+
+
+def test_set_without_obstacles_needs_no_frame():
+    world = Collections(frame_id='map')
+    assert world.send(frame_id='nowhere') is None
+    assert world.status == 'clear'
+
+
+def test_later_set_needs_only_its_own_transform():
+    """The one before it waits in vain, and its obstacles are replaced."""
+    world = Collections(frame_id='map')
+    world.monitor.receive_transforms(TF_STATIC, transforms(('map', 'odom', 0, 0.0, 10.0)), NOW)
+    world.send(box(0.5), frame_id='lost')
+    assert world.status == 'unknown'
+    world.send(box(0.5), frame_id='odom')
+    assert world.status == 'clear'
+
+
+def test_map_follows_its_frame():
+    """A static transform that is corrected moves a map that was sent once."""
+    world = Collections(frame_id='map', timeout=0.0)
+    world.monitor.receive_transforms(TF_STATIC, transforms(('map', 'odom', 0, 0.0, 10.0)), NOW)
+    world.send(box(0.5), box(20), frame_id='odom')
+    assert world.status == 'clear'
+    world.monitor.receive_transforms(TF_STATIC, transforms(('map', 'odom', 0, 0.0, 0.5)), NOW)
+    assert world.status == 'collision'
+
+
+@pytest.mark.parametrize('seed', range(30))
+def test_contacts_are_exact_whatever_the_shapes(seed):
+    """Ordinary polygons are written at once, others and those near the footprint one by one."""
+    rng = random.Random(seed)
+    shapes = (box(0), L_SHAPE, [(0, 0)], [(0, 0), (2, 2)], [(0, 0), (3, 0), (0, 3)], CIRCLE[::20])
+    footprint = [(x + rng.uniform(-3, 3), y) for x, y in rng.choice(shapes)]
+    world = Collections(footprint)
+    for _ in range(4):
+        polygons = []
+        for _ in range(rng.choice((0, 1, 5, 40))):
+            dx, dy = (rng.choice((0.0, 1.0, rng.uniform(-12, 12))) for _ in range(2))
+            polygons.append([(x + dx, y + dy) for x, y in rng.choice(shapes)])
+        world.send(*polygons)
+        met = {f'lidar/{k}' for k, one in enumerate(polygons) if intersects(footprint, one)}
+        assert {str(name) for name in world.monitor.scene.state('robot').contacts} == met
+        assert world.status == ('collision' if met else 'clear')

@@ -27,7 +27,8 @@ from sat_collision.messages.rejections import Rejection
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.scene.frames import NoTransform
 from sat_collision.scene.scene import Scene
-from sat_collision.scene.settings import FootprintSettings, NEVER, ObstacleSettings, Settings
+from sat_collision.scene.settings import (
+    EACH_MESSAGE, FootprintSettings, NEVER, ObstacleSettings, Settings)
 from sat_collision.scene.streams import Endpoint
 
 # Max messages that wait for transforms: of a footprint; of a source in multiples of max_count.
@@ -287,15 +288,18 @@ class Monitor:
             outcome = self.ingest.take(settings, data, number, now)
             if outcome is not WAIT:
                 return [outcome] if outcome else _NOTHING
-        elif isinstance(settings, ObstacleSettings):
-            self.ingest.take_early(settings, data, now)
+        elif isinstance(settings, ObstacleSettings) and (
+                self.ingest.take_early(settings, data, now)) and settings.ending == EACH_MESSAGE:
+            # It replaces those that still wait.
+            return self._hold(settings, (data, number), now, 0)
         return self._hold(settings, (data, number), now)
 
-    def _hold(self, settings: FootprintSettings | ObstacleSettings, item: _Item,
-              now: int) -> list[Rejection]:
+    def _hold(self, settings: FootprintSettings | ObstacleSettings, item: _Item, now: int,
+              limit: int | None = None) -> list[Rejection]:
         """Queue a message, or what happens to its stream after it."""
-        limit = (_SETS_WAIT * settings.max_count if isinstance(settings, ObstacleSettings)
-                 else _FOOTPRINTS_WAIT)
+        if limit is None:
+            limit = (_SETS_WAIT * settings.max_count if isinstance(settings, ObstacleSettings)
+                     else _FOOTPRINTS_WAIT)
         rejections = self.waiting.add(settings.name, item, now, self._timeout, limit)
         self._note_waiting()
         return rejections
@@ -344,6 +348,8 @@ class WaitingItems:
         rejections: list[Rejection] = []
         while len(queue) > limit or len(queue) > 1 and self._bytes[name] > _BYTES_WAIT:
             self._take_first(name, now, False, rejections)
+        if not queue:
+            del self.queues[name]
         self._find_earliest()
         return rejections
 

@@ -278,22 +278,27 @@ class Ingest:
         return self.reject(settings, refusal, detail_of(
             refusal, frame_id, scene.frame_id, (now - stamp) / 1e9, settings.timeout))
 
-    def take_early(self, settings: ObstacleSettings, data: bytes, now: int) -> None:
-        """Let an obstacle count that waits behind a message without a transform."""
+    def take_early(self, settings: ObstacleSettings, data: bytes, now: int) -> bool:
+        """
+        Let an obstacle count that waits behind a message without a transform.
+
+        Return whether it has its own.
+        """
         try:
             stamp, frame_id, points, _ = self._decode[settings.name](data)
             affine = UNMOVED
             if frame_id != self._fixed:
                 found = self._lookup(settings, frame_id, stamp, now)
                 if isinstance(found, NoTransform):
-                    return
+                    return False
                 affine = found.affine
             if points[2]:
                 self._scene.receive_early(
                     settings.name, self._shape(settings, points, affine, None), self._fixed, stamp)
         except (MessageError, PolygonError):
             # It is refused when it has waited.
-            pass
+            return False
+        return True
 
     def _shape(self, settings: ObstacleSettings, points: Any, affine: Affine2D | None,
                sent: tuple[str, Any] | None) -> Shape:

@@ -18,8 +18,8 @@ Whether all obstacles that a source sends are known.
 Every state "clear" depends on this. `Listings` replace each other where `set_end` declares what
 ends one. `Refreshed` obstacles are forgotten when a publisher that is alive has not sent them
 again for a timeout. Order says what belongs together; stamps only say how old it is. The bodies
-are in groups of obstacles, which a listing fills and drops. docs/knowing.md has the rules, and why
-they hold. Times and stamps are in ns.
+are in groups of obstacles. docs/knowing.md has the rules, and why they hold. Times and stamps are
+in ns.
 """
 
 from __future__ import annotations
@@ -69,10 +69,9 @@ class Knowledge:
     """
     The base of both kinds of knowledge; the store makes the groups of obstacles.
 
-    `receive` takes an obstacle and returns why it is refused, `end` takes an empty polygon, and
-    `spoil` a message of unknown content. `deadline` is the time after which `pass_time` changes
-    something. `problem` says why not all obstacles are known, as the end of a sentence; empty if
-    they are.
+    `receive` takes an obstacle and returns why it is refused, and `end` takes an empty polygon.
+    `deadline` is the time after which `pass_time` changes something. `problem` says why not all
+    obstacles are known, as the end of a sentence; empty if they are.
     """
 
     def __init__(self, store: ObstacleStore, settings: ObstacleSettings, tolerance: int) -> None:
@@ -83,6 +82,7 @@ class Knowledge:
         self.wants_history = False  # whether a new subscription is needed for older messages
         self.newest = -NEVER  # the newest stamp
         self._heard = -NEVER  # the latest time of a message
+        self._useless = ''  # why the last message was of no use; empty if it was of use
         self._missed = ''  # why not all is known since then; empty if nothing was missed
         self.timeout: float = NEVER
         self.configure(settings, tolerance, 0)
@@ -93,29 +93,37 @@ class Knowledge:
         self.max_count = settings.max_count
         self._tolerance = tolerance
         if before < self.timeout and self._heard > -NEVER:
-            self.spoil(_CHANGED, now)
+            self.miss(_CHANGED, now)
 
-    def spoil(self, cause: str, now: int) -> None:
-        """Record a message of unknown content."""
+    def miss(self, cause: str, now: int) -> None:
+        """Record why there may be obstacles at unknown places."""
         raise NotImplementedError
+
+    def refuse(self, reason: str, now: int, is_read: bool = True) -> None:
+        """Record a refused message, and whether its stamp was read."""
+        self._useless = (f'there were more obstacles than max_count, {self.max_count}'
+                         if reason is TOO_MANY else f'a message was refused: {reason}')
+        self.miss(self._useless, now)
 
     def gather(self, stamp: int, count: int) -> None:
         """Record how many obstacles came with a stamp."""
 
-    def _hear(self, message: Message) -> None:
+    def _hear(self, message: Message, now: int) -> None:
         """Record that the publisher was alive at the stamp of a message."""
-        self.newest = max(self.newest, message.stamp)
         self._heard = max(self._heard, message.time)
+        self._useless = ('' if message.time + self.timeout >= now else
+                         'its stamps are older than that')
 
     def _silence(self, now: int) -> str:
         """Return why nothing of use comes, as the end of a sentence; empty if something does."""
         if self._heard == -NEVER:
-            if self._missed:
-                return f'has sent nothing of use {self.since}: {self._missed}'
-            return f'has not sent anything {self.since}'
+            return (f'has sent nothing of use {self.since}: {self._useless}' if self._useless
+                    else f'has not sent anything {self.since}')
         if self._heard + self.timeout >= now:
             return ''
-        return f'has been silent for longer than {self._timeout_in_words}'
+        what = 'has sent nothing of use' if self._useless else 'has been silent'
+        return f'{what} for longer than {self._timeout_in_words}' + (
+            f': {self._useless}' if self._useless else '')
 
     @property
     def _timeout_in_words(self) -> str:
@@ -151,10 +159,11 @@ class Listings(Knowledge):
     def __init__(self, store: ObstacleStore, settings: ObstacleSettings, tolerance: int) -> None:
         self._store = store
         self._open = self._new_listing(is_sound=False)
-        self._whole: _Listing | None = None
+        self._whole: _Listing | None = None  # the last one, until it is older than the timeout
         self._newer: list[_Listing] = []  # those after the last whole one that are not whole
-        self._is_spoiled = False  # whether a message of unknown content came last
+        self._is_unread = False  # whether the stamp of the last message was not read
         self._ends: deque[int] = deque(maxlen=_MEASURED)
+        self._age = 0.0  # of the last whole one when it ended, in s
         self._end = settings.ending
         super().__init__(store, settings, tolerance)
 
@@ -175,6 +184,11 @@ class Listings(Knowledge):
         return len(self._whole.group) if self._whole else 0
 
     @property
+    def room(self) -> int:
+        """For how many more obstacles the open listing has room."""
+        return self.max_count - len(self._open.group)
+
+    @property
     def rate(self) -> float:
         """How many listings end in a second; 0 while that is not known."""
         ends = self._ends
@@ -184,88 +198,87 @@ class Listings(Knowledge):
         self.begin_run(message, now)
         if self._end == EACH_MESSAGE:
             self._open.is_sound = self._replaces(message)
-        refusal = self.group_for(message, now).take(
-            message.body, message.frame_id, message.time, message.refusal, message.instance,
-            message.sent)
+        group = self.group_for(message, now)
+        refusal = message.refusal or group.take(message.body, message.frame_id, message.time,
+                                                message.instance, message.sent)
         if refusal:
-            self._miss(f'a message was refused: {refusal}')
-            self.is_known = False
+            self.refuse(refusal, now)
         if self._end == EACH_MESSAGE:
             self._close(now)
         return refusal
 
+    def begin_run(self, message: Message, now: int) -> None:
+        """Receive what the first message of a run says, but for its obstacle."""
+        self._continue(message, now)
+        if self._end == NEW_STAMP:
+            self._separate(message, now)
+        self._is_unread = False
+
     def group_for(self, message: Message, now: int) -> SetGroup:
         """Return the group of the open listing, for an obstacle of a message."""
         one = self._open
+        self.newest = max(self.newest, message.stamp)
         self.joined = one.number
         one.stamp = message.stamp
         one.time = min(one.time, message.time)
         one.begun = min(one.begun, now)
         return one.group
 
-    def begin_run(self, message: Message, now: int) -> None:
-        """Receive what the first message of a run says, but for its obstacle."""
-        self._continue(message)
-        if self._end == NEW_STAMP:
-            self._separate(message, now)
-        self._is_spoiled = False
-
-    def group_to_extend(self, stamp: int) -> tuple[SetGroup, int] | None:
-        """Return the group that messages of a stamp only add to, and for how many it has room."""
+    def group_to_extend(self, stamp: int) -> SetGroup | None:
+        """Return the group that messages of a stamp only add to."""
         one = self._open
-        if self._end == EACH_MESSAGE or stamp != one.stamp or self._is_spoiled:
-            return None
-        return one.group, self.max_count - len(one.group)
+        return None if (stamp != one.stamp or one.is_empty or self._is_unread
+                        or self._end == EACH_MESSAGE) else one.group
 
     def end(self, message: Message, now: int) -> None:
         """Receive an empty polygon: the end of a set, or a set of none."""
-        self._continue(message)
-        one = self._open
+        self._continue(message, now)
         if self._end == NEW_STAMP:
-            if message.stamp == one.stamp:
+            if message.stamp == self._open.stamp:
                 return
             self._separate(message, now)
-            self._open.stamp = message.stamp
         elif self._end == EACH_MESSAGE:
-            one.is_sound = self._replaces(message)
-        self._is_spoiled = False
-        if self._open.is_empty:
-            self._open.time = message.time
+            self._open.is_sound = self._replaces(message)
+        self._is_unread = False
+        one = self._open
+        one.stamp = message.stamp
+        if one.is_empty:
+            one.time = message.time
         self._close(now)
 
-    def spoil(self, cause: str, now: int) -> None:
-        self._is_spoiled, self.is_known = True, False
-        self._miss(cause)
+    def miss(self, cause: str, now: int) -> None:
+        self._missed, self._open.is_sound, self.is_known = cause, False, False
+
+    def refuse(self, reason: str, now: int, is_read: bool = True) -> None:
+        super().refuse(reason, now)
+        self._is_unread = not is_read
 
     def pass_time(self, now: int) -> None:
-        """Drop obstacles that are too old, unless the last whole listing is not."""
-        whole, one = self._whole, self._open
-        if self.is_known and whole and whole.time + self.timeout >= now:
-            if self.timeout == NEVER and one.begun + _LONGEST_OPEN < now:
-                self.is_known = False
-                self._missed = 'it began to send another one'
+        """Drop obstacles that are too old, once the last whole listing is."""
+        whole = self._whole
+        if whole and whole.time + self.timeout >= now:
+            begun = self._open.begun
+            if self.is_known and self.timeout == NEVER and begun < NEVER and (
+                    abs(now - begun) > _LONGEST_OPEN):
+                self.is_known, self._missed = False, 'it began to send another one'
             return
         self.is_known = False
-        for held in [*self._held()]:
-            held.group.forget_before(now - self.timeout)
-        if one.time + self.timeout < now:
-            # Nothing that it ends with can make it young enough.
-            one.is_sound = False
-            self._newer.append(one)
-            self._open = self._new_listing(is_sound=False, stamp=one.stamp)
-        for held in [*self._newer]:
-            if held.group.oldest == NEVER:
-                self._newer.remove(held)
-                held.group.clear()
+        if whole:
+            self._newer.insert(0, whole)
+            self._whole = None
+        for one in [*self._held()]:
+            one.group.forget_before(now - self.timeout)
+            if one is not self._open and one.group.oldest == NEVER:
+                self._newer.remove(one)
+                one.group.clear()
 
     @property
     def deadline(self) -> float:
         """The time after which the last whole listing, or else some obstacle, is too old."""
-        whole = self._whole
-        if whole and self.is_known:
-            return (whole.time + self.timeout if self.timeout < NEVER
-                    else self._open.begun + _LONGEST_OPEN)
-        return min(group.oldest for group in self.groups) + self.timeout
+        if self.timeout == NEVER:
+            return self._open.begun + _LONGEST_OPEN if self.is_known else NEVER
+        return self.timeout + (self._whole.time if self._whole else
+                               min(group.oldest for group in self.groups))
 
     def problem(self, now: int) -> str:
         if self.is_known:
@@ -273,7 +286,7 @@ class Listings(Knowledge):
         is_map = self.timeout == NEVER
         what = 'map' if is_map else 'set'
         if silence := self._silence(now):
-            return silence + ('' if self._heard == -NEVER else
+            return silence + ('' if self._useless or self._heard == -NEVER else
                               ': where it sees nothing let it send an empty polygon')
         if self._missed == _FROM_MIDDLE and is_map:
             return ('has not sent a whole map: it was received from its middle on; raise the '
@@ -287,26 +300,22 @@ class Listings(Knowledge):
                     f'obstacle of each {what}' + ('' if is_map else ', or leave set_end out'))
         if 0 < self.rate * self.timeout < 1e9:
             return f'sends a set every {1 / self.rate:.2g} s: raise timeout above that'
-        if self._whole and self._whole.time + self.timeout < now:
-            return f'sends sets whose oldest obstacle is older than {self._timeout_in_words}'
+        if self._age:
+            return (f'sends sets whose oldest obstacle is {self._age:.2g} s old when they end, '
+                    f'more than {self._timeout_in_words}')
         return f'has not sent a whole {what} yet'
 
-    def _continue(self, message: Message) -> None:
+    def _continue(self, message: Message, now: int) -> None:
         """Follow what the number of a message says."""
-        self._hear(message)
+        self._hear(message, now)
         if message.news is BEGUN:
             self._open.is_sound = True
         elif message.news is LOST:
-            self._miss(LOSS)
+            self._missed, self._open.is_sound = LOSS, False
             if self.timeout == NEVER:
                 self.is_known, self.wants_history = False, True
         elif message.news is JOINED:
             self._missed = self._missed or _FROM_MIDDLE
-
-    def _miss(self, what: str) -> None:
-        """Record that something of the open listing is missing."""
-        self._missed = what
-        self._open.is_sound = False
 
     def _separate(self, message: Message, now: int) -> None:
         """Let a message of another stamp than the last one end the open listing."""
@@ -317,7 +326,7 @@ class Listings(Knowledge):
         one.is_sound &= is_newer
         if not one.is_empty:
             self._close(now)
-        self._open.is_sound &= (is_newer and message.news is CONTINUES and not self._is_spoiled)
+        self._open.is_sound &= is_newer and message.news is CONTINUES and not self._is_unread
 
     def _replaces(self, message: Message) -> bool:
         """Return whether a message that is a set by itself replaces the last one."""
@@ -332,18 +341,20 @@ class Listings(Knowledge):
                 if held is not one:
                     held.group.clear()
             self._newer.clear()
-            self._whole = one
-            self.is_known = one.time + self.timeout >= now
-            self._missed = ''
-        elif one.is_empty:
-            one.group.clear()
-        else:
+            self._whole, self.is_known, self._missed = one, True, ''
+            self.wants_history = False
+            self._age = (now - one.time) / 1e9
+        elif len(one.group):
             self._newer.append(one)
             if len(self._newer) > _MAX_NEWER:
                 self._newer.pop(0).group.clear()
-                self.is_known = False
+                self.miss(f'{_MAX_NEWER} sets in a row were not whole', now)
+        else:
+            one.group.clear()
         self._ends.append(now)
         self._open = self._new_listing(is_sound=True, stamp=one.stamp)
+        if one is self._whole:
+            self.pass_time(now)
 
     def _new_listing(self, is_sound: bool, stamp: float = -NEVER) -> _Listing:
         self._store.listings += 1
@@ -360,21 +371,26 @@ class Refreshed(Knowledge):
     has not sent it again. Stamps further apart than the timeout are a gap.
     """
 
+    rate = 0.0
+
     def __init__(self, store: ObstacleStore, settings: ObstacleSettings, tolerance: int) -> None:
         super().__init__(store, settings, tolerance)
         self.by_id = store.new_keyed() if settings.type == POLYGON_INSTANCE else None
-        # Obstacles without ids, by stamp divided by a part of the timeout.
-        self._part = max(int(self.timeout) // _PARTS, 1)
+        # Obstacles without ids, by the end of the part of a timeout in which they are stamped.
         self._parts: dict[int, SetGroup] = {}
         # When reception without a gap began, NEVER if it has not.
         self._begun = NEVER
         # How many obstacles came with each of the last stamps.
         self._gathered: deque[tuple[int, int]] = deque(maxlen=3)
 
+    def configure(self, settings: ObstacleSettings, tolerance: int, now: int) -> None:
+        super().configure(settings, tolerance, now)
+        self._part = max(round(settings.timeout * 1e9) // _PARTS, 1)
+
     @property
     def groups(self) -> list[ObstacleGroup]:
         """The groups of obstacles that are held."""
-        return [*([self.by_id] if self.by_id else ()), *self._parts.values()]
+        return [*([] if self.by_id is None else [self.by_id]), *self._parts.values()]
 
     @property
     def count(self) -> int:
@@ -382,57 +398,73 @@ class Refreshed(Knowledge):
         return len(self.by_id or ()) + sum(map(len, self._parts.values()))
 
     @property
+    def room(self) -> int:
+        """For how many more obstacles there is room."""
+        return self.max_count - self.count
+
+    @property
     def together(self) -> int:
         """How many obstacles come with each stamp; 0 if that differs, or is one."""
         counts = [count for _, count in self._gathered]
         return counts[0] if len(counts) == 3 and counts[0] == counts[1] > 1 else 0
 
-    rate = 0.0
-
     def receive(self, message: Message, now: int) -> str | None:
-        refusal = message.refusal
+        refusal, by_id = message.refusal, self.by_id
         if refusal and not message.instance:
-            self.spoil(f'a message was refused: {refusal}', now)
+            self.refuse(refusal, now)
             return refusal
         self.begin_run(message, now)
-        if message.instance and self.by_id is not None:
+        if message.instance and by_id is not None:
             # A message with an id has one polygon.
             body = cast(PackedBody | None, message.body)
-            refusal = self.by_id.take(message.instance, body, message.frame_id,
-                                      message.stamp, message.time, refusal)
-        elif self.count < self.max_count:
+            refusal = by_id.take(message.instance, body, message.frame_id, message.stamp,
+                                 message.time, refusal, self.room > 0)
+        elif self.room > 0:
             self.group_for(message, now).take(message.body, message.frame_id, message.time)
             self.gather(message.stamp, 1)
         else:
             refusal = TOO_MANY
         if refusal is TOO_MANY:
-            self.spoil(f'there were more than max_count obstacles, {self.max_count}, within its '
-                       'timeout', now)
+            self.refuse(refusal, now)
         return refusal
+
+    def begin_run(self, message: Message, now: int) -> None:
+        """Receive what a message proves: that what has not been sent again by then is gone."""
+        stamp = message.stamp
+        if message.news is not CONTINUES or self._begun == NEVER:
+            self.miss(LOSS if message.news is LOST else '', now)
+        elif self.newest + self.timeout < stamp:
+            self.miss(_GAP, now)
+        self._hear(message, now)
+        self.newest = max(self.newest, stamp)
+        oldest = stamp - self.timeout
+        self._drop_parts(lambda end: end <= oldest)
+        if self.by_id is not None:
+            self.by_id.forget_stamped_before(oldest)
+        if not self.is_known and stamp > self._begun + self.timeout + self._tolerance:
+            self.is_known = self._heard + self.timeout >= now
 
     def group_for(self, message: Message, now: int) -> SetGroup:
         """Return the group for an obstacle without an id, which has just been heard."""
-        part = message.stamp // self._part
-        if part not in self._parts:
-            self._parts[part] = self._store.new_set()
-        return self._parts[part]
+        end = (message.stamp // self._part + 1) * self._part
+        if end not in self._parts:
+            self._parts[end] = self._store.new_set()
+        return self._parts[end]
 
-    def group_to_extend(self, stamp: int) -> tuple[SetGroup, int] | None:
-        """Return the group that messages of a stamp only add to, and for how many it has room."""
-        if self.by_id is not None or stamp != self.newest or self._begun == NEVER:
-            return None
-        group = self._parts.get(stamp // self._part)
-        return None if group is None else (group, self.max_count - self.count)
+    def group_to_extend(self, stamp: int) -> SetGroup | None:
+        """Return the group that messages of a stamp only add to."""
+        return None if (self.by_id is not None or stamp != self.newest or self._begun == NEVER
+                        ) else self._parts.get((stamp // self._part + 1) * self._part)
 
     def end(self, message: Message, now: int) -> None:
         """Receive an empty polygon, which shows by its stamp that the publisher is alive."""
         if message.is_stamped:
             self.begin_run(message, now)
         elif message.news is not CONTINUES:
-            self._restart(now, LOSS if message.news is LOST else '')
+            self.miss(LOSS if message.news is LOST else '', now)
 
-    def spoil(self, cause: str, now: int) -> None:
-        self._restart(now, cause)
+    def miss(self, cause: str, now: int) -> None:
+        self._begun, self._missed, self.is_known = now, cause, False
 
     def pass_time(self, now: int) -> None:
         """Drop obstacles that are too old once the source is silent; before, time drops none."""
@@ -442,7 +474,7 @@ class Refreshed(Knowledge):
             self._begun = NEVER
             for group in self.groups:
                 group.forget_before(now - self.timeout)
-            self._drop_parts(lambda part: self._parts[part].oldest == NEVER)
+            self._drop_parts(lambda end: self._parts[end].oldest == NEVER)
 
     @property
     def deadline(self) -> float:
@@ -451,10 +483,13 @@ class Refreshed(Knowledge):
                                min((group.oldest for group in self.groups), default=NEVER))
 
     def problem(self, now: int) -> str:
-        if self.is_known:
+        refusals = self.by_id.refusals if self.by_id else ()
+        if self.is_known and not refusals:
             return ''
         if silence := self._silence(now):
             return silence
+        if refusals:
+            return f'sent what was refused: {", ".join(refusals)}'
         if self._missed == _GAP:
             return f'has stamps that are further apart than {self._timeout_in_words}: raise it'
         since = f' since {self._missed}' if self._missed else ''
@@ -467,25 +502,6 @@ class Refreshed(Knowledge):
             count += gathered.pop()[1]
         gathered.append((stamp, count))
 
-    def begin_run(self, message: Message, now: int) -> None:
-        """Receive what a message proves: that what has not been sent again by then is gone."""
-        stamp = message.stamp
-        if message.news is not CONTINUES or self._begun == NEVER:
-            self._restart(now, LOSS if message.news is LOST else '')
-        elif self.newest + self.timeout < stamp:
-            self._restart(now, _GAP)
-        self._hear(message)
-        oldest = stamp - self.timeout
-        self._drop_parts(lambda part: (part + 1) * self._part <= oldest)
-        if self.by_id is not None:
-            self.by_id.forget_stamped_before(oldest)
-        if not self.is_known and stamp > self._begun + self.timeout + self._tolerance:
-            self.is_known = self._heard + self.timeout >= now
-
-    def _restart(self, now: int, cause: str) -> None:
-        """Record a gap, after which obstacles may be there that have not been received."""
-        self._begun, self._missed, self.is_known = now, cause, False
-
     def _drop_parts(self, is_gone: Callable[[int], bool]) -> None:
-        for part in [part for part in self._parts if is_gone(part)]:
-            self._parts.pop(part).clear()
+        for end in [end for end in self._parts if is_gone(end)]:
+            self._parts.pop(end).clear()

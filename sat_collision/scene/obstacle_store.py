@@ -32,7 +32,6 @@ from sat_collision.scene.settings import NEVER
 
 OTHER_FRAME = 'other frame'
 TOO_MANY = 'too many obstacles'
-MOVED = 'not valid where its frame has moved'
 
 _MAX_SPARE = 100
 
@@ -59,15 +58,12 @@ class ObstacleStore:
         self.contacts = contacts
         # Max obstacles of a group.
         self.max_count = 0
-        # Number of obstacles whose message was refused, by reason.
-        self.refusals: Counter[str] = Counter()
         self.groups: list[ObstacleGroup] = []
         # Number of listings that have begun.
         self.listings = 0
         self._spare: list[SetGroup] = []
 
     def __iter__(self) -> Iterator[Obstacle]:
-        """Iterate over all obstacles, including those whose message was refused."""
         return chain.from_iterable(self.groups)
 
     def new_set(self) -> SetGroup:
@@ -91,14 +87,13 @@ class ObstacleStore:
 
 
 class ObstacleGroup:
-    """The base of groups. A refused message takes the place of its obstacle."""
+    """The base of groups."""
 
     def __init__(self, store: ObstacleStore) -> None:
         self._store = store
         self._contacts = store.contacts
 
     def __iter__(self) -> Iterator[Obstacle]:
-        """Iterate over all obstacles, including those whose message was refused."""
         raise NotImplementedError
 
     @property
@@ -113,10 +108,6 @@ class ObstacleGroup:
         """Drop all."""
         raise NotImplementedError
 
-    def forget_refused(self) -> None:
-        """Drop the obstacles whose messages were refused."""
-        self._forget([one for one in self if one.refused])
-
     def forget_before(self, time: float) -> None:
         """Drop the obstacles whose time is earlier."""
         if self.oldest < time:
@@ -127,37 +118,26 @@ class ObstacleGroup:
         for one in self:
             one.time = time
 
-    def refuse_other_frames(self, frame_id: str) -> None:
-        """Refuse all placed obstacles in other frames than this."""
-        for one in self:
-            if one.row is not None and one.frame_id != frame_id:
-                self._put(one, None, one.frame_id, one.time, OTHER_FRAME)
+    def forget_other_frames(self, frame_id: str) -> bool:
+        """Drop the obstacles in other frames than this; return whether there were any."""
+        others = [one for one in self if one.frame_id != frame_id]
+        self._forget(others)
+        return bool(others)
 
     def _forget(self, obstacles: Iterable[Obstacle]) -> None:
         """Drop obstacles."""
         for obstacle in obstacles:
             self._contacts.remove_obstacle(obstacle)
-            self._mark(obstacle, None)
 
-    def _put(self, obstacle: Obstacle, body: PackedBody | None, frame_id: str, time: float,
-             refusal: str | None) -> None:
-        """Place an obstacle as its message says, or remove its body if that is refused."""
+    def _put(self, obstacle: Obstacle, body: PackedBody | None, frame_id: str,
+             time: float) -> None:
+        """Place an obstacle as its message says; without a body it is nowhere."""
         obstacle.frame_id = frame_id
         obstacle.time = time
-        if body is None or refusal:
+        if body is None:
             self._contacts.remove_obstacle(obstacle)
         else:
             self._contacts.place_obstacle(obstacle, body)
-        if refusal or obstacle.refused:
-            self._mark(obstacle, refusal)
-
-    def _mark(self, obstacle: Obstacle, refusal: str | None) -> None:
-        """Set why an obstacle is refused, None if it is not."""
-        before, obstacle.refused = obstacle.refused, refusal
-        if before:
-            self._store.refusals[before] -= 1
-        if refusal:
-            self._store.refusals[refusal] += 1
 
 
 class SetGroup(ObstacleGroup):
@@ -186,7 +166,7 @@ class SetGroup(ObstacleGroup):
 
     def __iter__(self) -> Iterator[Obstacle]:
         self.flush()
-        return (one for one in self._places[:self._taken] if one.row is not None or one.refused)
+        return (one for one in self._places[:self._taken] if one.row is not None)
 
     @property
     def oldest(self) -> float:
@@ -218,27 +198,24 @@ class SetGroup(ObstacleGroup):
     def add_run(self, count: int, frame_id: str, time: int) -> int:
         """Add obstacles of a run, which are in their places or have none; return the count."""
         begin = self._taken
-        if count:
+        if count > 0:
             self._taken += count
             self._oldest = min(self._oldest, time)
             self._pending.append((begin, self._taken, frame_id, time))
         return count
 
-    def take(self, body: Shape | None, frame_id: str, time: int, refusal: str | None = None,
+    def take(self, body: Shape | None, frame_id: str, time: int,
              instance: int | None = None, sent: Any = None) -> str | None:
         """
-        Take a message, with body None if it is refused; return why it is refused, or None.
+        Take an obstacle; return TOO_MANY if there is no room for it.
 
-        The obstacle is named by its id, without one by its place; `sent` is what is needed to
-        place it anew.
+        It is named by its id, without one by its place; `sent` is what is needed to place it anew.
         """
         if isinstance(body, Polygons):
             return self._take_all(body, frame_id, time)
         place = self._taken
         if place >= self._store.max_count:
-            # All obstacles beyond the limit share a place.
-            place = self._store.max_count
-            refusal = refusal or TOO_MANY
+            return TOO_MANY
         self._taken = place + 1
         self._oldest = min(self._oldest, time)
         self._add_places(place + 1)
@@ -250,8 +227,8 @@ class SetGroup(ObstacleGroup):
         obstacle.sent = sent
         if sent is not None:
             self.frames.add(sent[0])
-        self._put(obstacle, body, frame_id, time, refusal)
-        return refusal
+        self._put(obstacle, body, frame_id, time)
+        return None
 
     def _take_all(self, polygons: Polygons, frame_id: str, time: int) -> str | None:
         """Take the polygons of a message; return why the first refused one is."""
@@ -263,18 +240,18 @@ class SetGroup(ObstacleGroup):
                                    time)
             if k < polygons.count:
                 body, refusal, sent = polygons.body(k)
-                refusal = self.take(body, frame_id, time, refusal, None, sent)
+                refusal = self.take(body, frame_id, time, None, sent) or refusal
                 problem = refusal if refusal is TOO_MANY else problem or (
                     refusal and f'polygon {k}: {refusal}')
                 k += 1
         return problem
 
-    def place_anew(self, frame_id: str, body_of: Callable[[Any], PackedBody | None]) -> None:
-        """Place obstacles that were sent in a frame where that is now; None refuses one."""
-        for one in [*self]:
-            if one.sent is not None and one.sent[0] == frame_id:
-                body = body_of(one.sent)
-                self._put(one, body, one.frame_id, one.time, MOVED if body is None else None)
+    def place_anew(self, frame_id: str, body_of: Callable[[Any], PackedBody | None]) -> bool:
+        """Place obstacles that were sent in a frame where that is now; return whether all are."""
+        moved = [one for one in self if one.sent is not None and one.sent[0] == frame_id]
+        for one in moved:
+            self._put(one, body_of(one.sent), one.frame_id, one.time)
+        return all(one.row is not None for one in moved)
 
     def set_times(self, time: int) -> None:
         super().set_times(time)
@@ -287,9 +264,6 @@ class SetGroup(ObstacleGroup):
             super()._forget(places[taken:])
             self._rows[taken:len(places)] = -1
             del places[taken:]
-        if self._store.refusals:
-            for obstacle in places:
-                self._mark(obstacle, None)
         self._contacts.hide_obstacles(self, self._rows)
         self._pending.clear()
         self.frames.clear()
@@ -304,9 +278,9 @@ class SetGroup(ObstacleGroup):
             if place == len(self._rows):
                 self._rows = indexable(np.append(self._rows, np.full(place + 1, -1)))
 
-    def _put(self, obstacle: Obstacle, body: PackedBody | None, frame_id: str, time: float,
-             refusal: str | None) -> None:
-        super()._put(obstacle, body, frame_id, time, refusal)
+    def _put(self, obstacle: Obstacle, body: PackedBody | None, frame_id: str,
+             time: float) -> None:
+        super()._put(obstacle, body, frame_id, time)
         self._rows[obstacle.key] = -1 if obstacle.row is None else obstacle.row
 
     def _forget(self, obstacles: Iterable[Obstacle]) -> None:
@@ -321,7 +295,8 @@ class KeyedGroup(ObstacleGroup):
     Obstacles by id, the least recently received first.
 
     An obstacle is where the message with its newest stamp says. One with the same or an older
-    stamp counts beside it, until one with a newer stamp than both comes.
+    stamp counts beside it, until one with a newer stamp than both comes. A refused message takes
+    the place of its obstacle.
     """
 
     def __init__(self, store: ObstacleStore) -> None:
@@ -329,6 +304,8 @@ class KeyedGroup(ObstacleGroup):
         # Of each id the obstacles, that with the newest stamp first.
         self._held: OrderedDict[int, list[Obstacle]] = OrderedDict()
         self._count = 0
+        # Number of obstacles whose message was refused, by reason.
+        self._refused: Counter[str] = Counter()
 
     def __len__(self) -> int:
         """Return how many obstacles there are, with those that count beside others."""
@@ -341,19 +318,24 @@ class KeyedGroup(ObstacleGroup):
     def oldest(self) -> float:
         return min((one.time for one in next(iter(self._held.values()), ())), default=NEVER)
 
+    @property
+    def refusals(self) -> list[str]:
+        """Why messages in the place of obstacles were refused."""
+        return sorted(+self._refused)
+
     def take(self, instance: int, body: PackedBody | None, frame_id: str, stamp: int, time: int,
-             refusal: str | None) -> str | None:
+             refusal: str | None, has_room: bool) -> str | None:
         """
         Take a message, with body None if it is refused; return why it is refused, or None.
 
-        An obstacle for which there is no room is refused as TOO_MANY, and none is made for it.
+        One that needs room for one more obstacle, where there is none, is refused as TOO_MANY.
         """
         held = self._held.pop(instance, [])
         is_newest = bool(held) and stamp > held[0].stamp
         if is_newest:
             self._drop(held[1:])
             del held[1:]
-        elif self._count < self._store.max_count:
+        elif has_room:
             held.append(Obstacle(self, self._store.source, instance))
             self._count += 1
         else:
@@ -362,7 +344,8 @@ class KeyedGroup(ObstacleGroup):
             self._held[instance] = held
         if refusal is not TOO_MANY:
             held[-1].stamp = stamp
-            self._put(held[-1], body, frame_id, time, refusal)
+            self._put(held[-1], body, frame_id, time)
+            self._mark(held[-1], refusal)
         return refusal
 
     def get(self, instance: int) -> Obstacle | None:
@@ -383,6 +366,7 @@ class KeyedGroup(ObstacleGroup):
         """Drop obstacles that their ids no longer list."""
         for one in obstacles:
             super()._forget((one,))
+            self._mark(one, None)
             self._count -= 1
 
     def _forget(self, obstacles: Iterable[Obstacle]) -> None:
@@ -394,3 +378,11 @@ class KeyedGroup(ObstacleGroup):
             else:
                 del self._held[instance]
         self._drop(gone)
+
+    def _mark(self, obstacle: Obstacle, refusal: str | None) -> None:
+        """Set why an obstacle is refused, None if it is not."""
+        before, obstacle.refused = obstacle.refused, refusal
+        if before:
+            self._refused[before] -= 1
+        if refusal:
+            self._refused[refusal] += 1

@@ -90,7 +90,7 @@ def predict(footprint: Footprint, contacts: Contacts, sources: Iterable[Source],
         first = min(obstacle.name for obstacle in footprint.contacts)
         return Prediction(0.0, first, velocity, 0.0)
     # The motion begins where the footprint was at its stamp.
-    age = now - footprint.time
+    age = max(now - footprint.time, 0)
     own = footprint.polygon
     if velocity is None or own is None or age > VELOCITY_LASTS and any(velocity.twist):
         return None

@@ -92,6 +92,8 @@ class Scene:
         # Whether the motion of all footprints is tracked, not only where a state depends on it.
         self.tracks_motion = False
         self._now = 0
+        # The latest time that was known when the clock stepped back.
+        self._latest = 0
         self._clock_stands = False
         # Whether contacts of footprints are decided; if not, only what is unknown is found.
         self.decides_contacts = decides_contacts
@@ -416,8 +418,10 @@ class Scene:
         last, self._now = self._now, now
         if 0 < last <= now <= self.deadline:
             return
-        if now < last - self._future_tolerance:
-            self.set_clock(now)
+        if now < last:
+            self._latest = max(self._latest, last)
+            if now < self._latest - self._future_tolerance:
+                self.set_clock(now)
         for footprint in self._footprints.values():
             if footprint.deadline < now:
                 self._contacts.changed.add(footprint)
@@ -573,7 +577,7 @@ class Scene:
 
     def set_clock(self, now: int) -> None:
         """Begin anew, because the clock was set: the times of all that is there are of another."""
-        self._now = now
+        self._now, self._latest = now, 0
         self.frame_id = self.settings.frame_id
         for footprint in self._footprints.values():
             footprint.set_back(now)

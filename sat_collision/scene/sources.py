@@ -23,7 +23,8 @@ from sat_collision.geometry.polygon import PackedBody
 from sat_collision.geometry.run import Run
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.knowledge import Listings, Message, Refreshed
-from sat_collision.scene.obstacle_store import ObstacleGroup, ObstacleStore, SetGroup, Shape
+from sat_collision.scene.obstacle_store import (
+    ObstacleGroup, ObstacleStore, OTHER_FRAME, SetGroup, Shape)
 from sat_collision.scene.settings import (
     BY_ANOTHER_CLOCK, EACH_MESSAGE, EMPTY_POLYGON, FAR, NEVER, NEW_STAMP, NONE, ObstacleSettings,
     POLYGON_INSTANCE)
@@ -31,6 +32,8 @@ from sat_collision.scene.streams import BEGUN, CONTINUES, Endpoint, JOINED, Stre
 from sat_collision.scene.velocity import MotionTracker, Vertices
 
 TOO_OLD = 'too old'
+_MOVED = 'a part of it is not valid where its frame has moved'
+_OLD_FRAME = 'is a map in a frame whose transform is too old'
 
 _MAX_FORMER = 20
 _RULES = {EMPTY_POLYGON: 'empty polygon', NEW_STAMP: 'new stamp', EACH_MESSAGE: 'each message'}
@@ -84,8 +87,7 @@ class Source:
         self.store.max_count = settings.max_count
 
     def _new_knowledge(self) -> _Knowledge:
-        is_refreshed = self.settings.ending == NONE and self.timeout < NEVER
-        return (Refreshed if is_refreshed else Listings)(
+        return (Refreshed if self.settings.ending == NONE else Listings)(
             self.store, self.settings, self._tolerance)
 
     def configure(self, settings: ObstacleSettings, tolerance: int, now: int) -> None:
@@ -142,7 +144,7 @@ class Source:
 
     def request_history(self) -> None:
         """Request a map again of which something is missing, as it may be taken now."""
-        if self.timeout == NEVER and (not self.knowledge.is_known or self.store.refusals.total()):
+        if self.timeout == NEVER and not self.knowledge.is_known:
             self.knowledge.wants_history = True
 
     @property
@@ -155,6 +157,8 @@ class Source:
         """Let time pass: drop obstacles that are too old."""
         self.stream.pass_time(now)
         self.knowledge.pass_time(now)
+        if self._frame_deadline < now:
+            self._frame_fault, self._frame_deadline = _OLD_FRAME, NEVER
         for group in self._former:
             group.forget_before(now - self.timeout)
         self._drop_former()
@@ -168,7 +172,10 @@ class Source:
             self._begin_anew(now)
             self._count_from(now)
             self.knowledge.since = 'since the clock was set'
-        self._find_faults(now)
+        elif self._frame_deadline < NEVER:
+            # It is by the clock of before.
+            self._frame_deadline = now - 1
+        self.pass_time(now)
 
     def update_publishers(self, endpoints: Sequence[Endpoint], now: int) -> None:
         """Update the publishers; a change of them may start over what is known."""
@@ -208,14 +215,17 @@ class Source:
         """Let an obstacle count that waits behind a message without a transform."""
         if self._early is None:
             self._early = self.store.new_set()
-        self._early.take(body, frame_id, min(stamp or now, now))
+        if refusal := self._early.take(body, frame_id, min(stamp or now, now)):
+            self.knowledge.refuse(refusal, now)
+            self._find_faults(now)
 
     def follow_frame(self, frame_id: str, body_of: Callable[[Any], PackedBody | None],
                      now: int) -> None:
         """Place the obstacles of a map that were sent in a frame anew, where that is now."""
         for group in self.store.groups:
-            if isinstance(group, SetGroup) and frame_id in group.frames:
-                group.place_anew(frame_id, body_of)
+            if isinstance(group, SetGroup) and frame_id in group.frames and (
+                    not group.place_anew(frame_id, body_of)):
+                self.knowledge.miss(_MOVED, now)
         self._find_faults(now)
 
     def limit_frames(self, fault: str, deadline: float, now: int) -> None:
@@ -259,7 +269,7 @@ class Source:
             self._count_from(now)
         knowledge = self.knowledge
         if refusal and stamp is None:
-            knowledge.spoil(f'a message was refused: {refusal}', now)
+            knowledge.refuse(refusal, now, is_read=False)
         else:
             message = Message(news, stamp or now, time, bool(stamp), body, frame_id, refusal,
                               instance, sent)
@@ -269,7 +279,7 @@ class Source:
                 refusal = knowledge.receive(message, now)
         self._drop_former()
         if is_old:
-            refusal = refusal or TOO_OLD
+            refusal = refusal or (None if is_mark else TOO_OLD)
             if not knowledge.is_known:
                 knowledge.pass_time(now)
         if knowledge.is_known is not self._was_known or news is not CONTINUES or (
@@ -301,16 +311,16 @@ class Source:
                 or self._mixed is not None or self._is_far
                 or not 0 < stamp <= now <= stamp + self.timeout):
             return 0
-        if extended := knowledge.group_to_extend(stamp):
-            group, room = extended
-            taken = group.take_run(run, room, frame_id, stamp)
+        group = knowledge.group_to_extend(stamp)
+        if group is not None:
+            taken = group.take_run(run, knowledge.room, frame_id, stamp)
         elif self.settings.ending != EACH_MESSAGE and self.settings.type != POLYGON_INSTANCE and (
                 stamp + self.timeout >= knowledge.newest) and (
                 taken := self.store.contacts.count_unplaced(run, self.settings.max_count)):
             message = Message(CONTINUES, stamp, stamp, True)
             knowledge.begin_run(message, now)
             taken = knowledge.group_for(message, now).add_run(
-                min(taken, self.settings.max_count - knowledge.count), frame_id, stamp)
+                min(taken, knowledge.room), frame_id, stamp)
         else:
             return 0
         if taken:
@@ -322,14 +332,13 @@ class Source:
 
     def refuse_other_frames(self, frame_id: str, now: int) -> None:
         """Refuse obstacles in other frames, received before the common frame was known."""
-        for group in self.store.groups:
-            group.refuse_other_frames(frame_id)
+        if sum(group.forget_other_frames(frame_id) for group in self.store.groups):
+            self.knowledge.refuse(OTHER_FRAME, now)
         self._find_faults(now)
 
     def _begin_anew(self, now: int, wants_history: bool = False) -> None:
         """Begin to know anew; obstacles received before stay until their timeout."""
         for group in self.knowledge.groups:
-            group.forget_refused()
             group.forget_before(now - self.timeout)
             if group.oldest < NEVER:
                 self._former.append(group)
@@ -368,12 +377,10 @@ class Source:
                 if self._is_far:
                     problem = f'has stamps that are {BY_ANOTHER_CLOCK}'
                 words = ['; '.join((problem, *self.stream.hints()))]
-            if self._frame_fault or self._frame_deadline < now:
-                words.append(self._frame_fault or 'is a map in a frame whose transform is too old')
+            if self._frame_fault:
+                words.append(self._frame_fault)
             if self._waits and self.timeout == NEVER:
                 words.append('waits for the transform of a part of its map')
-            words += [f'sent what was refused: {reason}'
-                      for reason in sorted(+self.store.refusals)]
             faults = tuple(f'obstacle source {self.settings.name} on {self.settings.topic} {word}'
                            for word in words)
         if faults != self.faults:

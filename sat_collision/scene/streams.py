@@ -38,10 +38,8 @@ class News(enum.Enum):
 
 CONTINUES, LOST, JOINED, BEGUN = News
 
-# Max time in ns for which sequence numbers that only two publishers can have sent are a fault.
-# For how long numbers of two publishers are a fault, at most; and of a map.
-_LONGEST_MIXED = 10 * 10**9
-_LONGEST_MIXED_MAP = 10**9
+# For how long numbers of two publishers are a fault where there is no timeout.
+_MIXED_MAP = 10**9
 
 
 class Endpoint(NamedTuple):
@@ -176,12 +174,10 @@ class Stream:
             else:
                 self.awaits_endpoint = True
         elif not self._silent and expected is not None:
-            self.mixed_until = now + self._longest_mixed
+            self._be_mixed(now)
 
-    @property
-    def _longest_mixed(self) -> float:
-        return (_LONGEST_MIXED_MAP if self.timeout == NEVER
-                else min(self.timeout, _LONGEST_MIXED))
+    def _be_mixed(self, now: int) -> None:
+        self.mixed_until = now + (_MIXED_MAP if self.timeout == NEVER else self.timeout)
 
     def interrupt(self) -> None:
         """End the stream: the next message belongs to another one."""
@@ -202,7 +198,7 @@ class Stream:
     def set_back(self, now: int) -> None:
         """Adjust to a clock that was set back."""
         if self.mixed_until < NEVER:
-            self.mixed_until = now + self._longest_mixed
+            self._be_mixed(now)
 
     def faults(self) -> list[str]:
         """Return what is wrong with the publishers, as ends of sentences."""

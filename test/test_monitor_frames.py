@@ -159,7 +159,8 @@ def test_waiting_ends_after_transform_timeout(robot):
         'lidar: a message on /polygons was rejected, no transform: no transform from laser to odom'
         ' at its stamp: the newest of base is 0.05 s older; ')
     assert robot.monitor.scene.state('robot').reasons == (
-        'obstacle source lidar on /polygons sent what was refused: no transform',)
+        'obstacle source lidar on /polygons has not sent a whole set since a message was '
+        'refused: no transform',)
     robot.move(1.3)
     robot.see(box(9), 1.25, 'laser')
     assert robot.status() == 'clear'

@@ -121,7 +121,8 @@ def contacts(count):
     """Return the ms until a footprint has met a number of obstacles, one message each."""
     monitor = Monitor(Settings(
         (FootprintSettings('footprint', '/footprint', timeout=0.0),),
-        (ObstacleSettings('obstacles', '/obstacles', timeout=0.0, max_count=count),)))
+        (ObstacleSettings('obstacles', '/obstacles', set_end='empty_polygon', timeout=0.0,
+                          max_count=count),)))
     now = 10**18
     monitor.receive('footprint', serialised(regular(4, 0.0, 0.0, 2.0 * count), now), now)
     messages = [serialised(regular(4, float(k), 0.0, 0.4), now) for k in range(count)]

@@ -32,7 +32,7 @@ import time
 from _shared import ROOT
 from builders import box, serialised, transforms
 from discovery import discover_promptly
-from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
+from geometry_msgs.msg import PolygonStamped
 from matplotlib import pyplot
 from matplotlib.ticker import LogLocator
 import numpy as np
@@ -41,7 +41,7 @@ from std_msgs.msg import Bool
 from traffic import Reader, SET_RATE, Traffic, until
 
 _PEERS = str(ROOT / 'benchmarks' / 'peers.py')
-_MONITOR = ['-m', 'sat_collision.node']
+_MONITOR = ['-m', 'sat_collision.node', '--ros-args', '-p', 'obstacle.set_end:=empty_polygon']
 NODES = {'monitor': _MONITOR, 'plain': _MONITOR, 'floor': [_PEERS, 'floor'],
          'rival': [_PEERS, 'shapely'], 'frames': [_PEERS, 'frames'],
          'frames_floor': [_PEERS, 'frames_floor']}
@@ -56,7 +56,7 @@ TRANSFORM_RATE = 100
 TRANSFORMS = 1, 5, 20
 ROBOTS = 20
 _FRAMES = {'frame_id': 'odom', 'footprint.timeout': '0.0', 'obstacle.timeout': '0.0',
-           'obstacle.type': 'polygon_instance'}
+           'obstacle.set_end': 'each_message'}
 _OUTLINE = {'footprint.points': '[0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0]',
             'footprint.frame_id': 'base'}
 # ROS domains; tests use others.
@@ -194,7 +194,7 @@ class Transforms:
         self._node.create_subscription(Bool, '/footprint_monitor/footprint/collision',
                                        lambda flag: self._flags.append(flag.data), 100)
         self._publisher = self._node.create_publisher(PolygonStamped, '/tf', 100)
-        self._obstacles = self._node.create_publisher(PolygonInstanceStamped, '/obstacles', 10)
+        self._obstacles = self._node.create_publisher(PolygonStamped, '/obstacles', 10)
 
     def close(self):
         self._node.destroy_node()
@@ -225,7 +225,7 @@ class Transforms:
 
     def latencies(self, count):
         """Return the ms from publishing transforms to the flags that follow."""
-        self._obstacles.publish(serialised(box(-5.0), time.time_ns(), 'odom', 0))
+        self._obstacles.publish(serialised(box(-5.0), time.time_ns(), 'odom'))
 
         def is_clear():
             self._publish(['base'], 9.0)

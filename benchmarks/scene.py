@@ -163,7 +163,8 @@ def _one_against_many(rng, footprints, size, repeats):
 def _monitor(size):
     """Return a monitor for a set of some size."""
     return Monitor(Settings((FootprintSettings('footprint', '/footprint'),),
-                            (ObstacleSettings('obstacles', '/obstacles', max_count=size),)))
+                            (ObstacleSettings('obstacles', '/obstacles', max_count=size,
+                                              set_end='empty_polygon'),)))
 
 
 def _message(rng, size, repeats):
@@ -197,12 +198,12 @@ def measure_other_frame(repeats, count=5000):
     """Return us a message of the fixed frame, and of another one whose map is cached."""
     monitor = Monitor(Settings(
         frame_id='odom', footprints=(FootprintSettings('robot', TF, timeout=0.0),),
-        obstacles=(ObstacleSettings('seen', '/seen', type='polygon_instance', timeout=0.0),)),
+        obstacles=(ObstacleSettings('seen', '/seen', set_end='each_message', timeout=60.0),)),
         transforms=True)
     for k in range(10):
         now = _START + k * _PERIOD // 10
         monitor.receive_transforms(TF, transforms(('odom', 'base', now, k / 8, 0.0)), now)
-    seen = {frame: serialised(box(20.0), now - _PERIOD // 20, frame, 1)
+    seen = {frame: serialised(box(20.0), now - _PERIOD // 20, frame)
             for frame in ('odom', 'base')}
     costs = {frame: [] for frame in seen}
     for _ in range(repeats + 1):

@@ -110,7 +110,7 @@ class Drive:
         walker = 1000.0 + _WALK_SPEED * (stamp - self._begun) / 1e9
         if self._count % round(FOOTPRINT_RATE / SET_RATE) == 0:
             self._publisher.publish(
-                serialised(regular(4, walker, 0.0, _WALKER_RADIUS), stamp, instance=0))
+                serialised(regular(4, walker, 0.0, _WALKER_RADIUS), stamp, instance=1))
         is_first, is_on = self._count % _STAY == 0, self._count // _STAY % 2 == 0
         self._count += 1
         if is_first:

@@ -95,8 +95,8 @@ class Knowledge:
         if before < self.timeout and self._heard > -NEVER:
             self.miss(_CHANGED, now)
 
-    def miss(self, cause: str, now: int) -> None:
-        """Record why there may be obstacles at unknown places."""
+    def miss(self, cause: str, now: int, group: ObstacleGroup | None = None) -> None:
+        """Record why there are obstacles at unknown places: of a group, or of what comes now."""
         raise NotImplementedError
 
     def refuse(self, reason: str, now: int, is_read: bool = True) -> None:
@@ -246,8 +246,10 @@ class Listings(Knowledge):
             one.time = message.time
         self._close(now)
 
-    def miss(self, cause: str, now: int) -> None:
-        self._missed, self._open.is_sound, self.is_known = cause, False, False
+    def miss(self, cause: str, now: int, group: ObstacleGroup | None = None) -> None:
+        self._missed, self.is_known = cause, False
+        if group is None or group is self._open.group:
+            self._open.is_sound = False
 
     def refuse(self, reason: str, now: int, is_read: bool = True) -> None:
         super().refuse(reason, now)
@@ -463,7 +465,7 @@ class Refreshed(Knowledge):
         elif message.news is not CONTINUES:
             self.miss(LOSS if message.news is LOST else '', now)
 
-    def miss(self, cause: str, now: int) -> None:
+    def miss(self, cause: str, now: int, group: ObstacleGroup | None = None) -> None:
         self._begun, self._missed, self.is_known = now, cause, False
 
     def pass_time(self, now: int) -> None:

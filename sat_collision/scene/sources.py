@@ -225,7 +225,7 @@ class Source:
         for group in self.store.groups:
             if isinstance(group, SetGroup) and frame_id in group.frames and (
                     not group.place_anew(frame_id, body_of)):
-                self.knowledge.miss(_MOVED, now)
+                self.knowledge.miss(_MOVED, now, group)
         self._find_faults(now)
 
     def limit_frames(self, fault: str, deadline: float, now: int) -> None:
@@ -332,8 +332,9 @@ class Source:
 
     def refuse_other_frames(self, frame_id: str, now: int) -> None:
         """Refuse obstacles in other frames, received before the common frame was known."""
-        if sum(group.forget_other_frames(frame_id) for group in self.store.groups):
-            self.knowledge.refuse(OTHER_FRAME, now)
+        for group in self.store.groups:
+            if group.forget_other_frames(frame_id):
+                self.knowledge.miss(f'a message was refused: {OTHER_FRAME}', now, group)
         self._find_faults(now)
 
     def _begin_anew(self, now: int, wants_history: bool = False) -> None:

@@ -40,7 +40,7 @@ def robot():
 def obstacles(contacts, count):
     """Return obstacles that have not been placed yet."""
     group = ObstacleStore('lidar', contacts).new_keyed()
-    return [Obstacle(group, 'lidar', key, key) for key in range(count)]
+    return [Obstacle(group, 'lidar', key) for key in range(count)]
 
 
 def test_contact_is_recorded_on_both_sides(contacts, robot):

@@ -16,7 +16,7 @@
 
 import pytest
 from sat_collision.scene.footprints import Footprint
-from stage import POLYGONS, CART, clear_stage, ROBOT, Stage
+from stage import CART, clear_stage, POLYGONS, ROBOT, Stage
 
 
 @pytest.fixture
@@ -121,7 +121,7 @@ def test_next_set_with_the_same_contacts_is_no_change():
 def test_state_that_changed_and_changed_back_is_no_change():
     stage = clear_stage()
     stage.scene.changes()
-    stage.see(0.5)
+    stage.send(0.5)
     stage.wait_until(0.1)
     stage.send(20, 30)
     assert stage.scene.changes() == []
@@ -131,7 +131,7 @@ def test_collision_between_two_reports_is_a_brief_contact():
     """A collision that lasts, or was already reported, is not brief."""
     stage = clear_stage()
     stage.scene.changes()
-    stage.see(0.5)
+    stage.send(0.5)
     assert stage.scene.brief_contacts() == []
     stage.wait_until(0.1)
     stage.see(20)

@@ -18,8 +18,8 @@ from dataclasses import replace
 
 import pytest
 from stage import (
-    CART, clear_stage, LIDAR, NOT_RECEIVED, ROBOT, Stage, status_and_reasons, TOO_OLD,
-    UNTIMED_LIDAR, UNTIMED_ROBOT, with_robot)
+    CART, clear_stage, LIDAR, NOT_RECEIVED, ROBOT, SILENT, Stage, status_and_reasons,
+    TOO_OLD, UNTIMED_LIDAR, UNTIMED_ROBOT, with_robot)
 
 
 def test_footprint_goes_stale_by_its_stamp():
@@ -40,7 +40,7 @@ def test_stale_footprint_in_contact_is_unknown():
     """Its last polygon is still drawn."""
     stage = Stage(UNTIMED_LIDAR)
     stage.robot()
-    stage.see(0.5)
+    stage.send(0.5)
     stage.wait_until(1.001)
     state = stage.state()
     assert (state.status.value, state.contacts, state.reasons) == ('unknown', (), (TOO_OLD,))
@@ -213,7 +213,7 @@ def test_brief_contact_restarts_the_release_delay():
     stage.robot()
     stage.send(5)
     stage.wait_until(0.3)
-    stage.see(0.5)
+    stage.send(0.5)
     stage.wait_until(0.4)
     stage.send(6)
     stage.wait_until(0.8)
@@ -301,7 +301,7 @@ def test_footprint_ignores_sources_that_it_does_not_monitor():
     assert stage.status() == 'clear'
     assert stage.scene.nearest('robot')[:2] == (('walls', 0), 6.0)
     stage.robot(0.1)
-    stage.see(0.2, stamp=0.03, name='dock')
+    stage.see(0.2, name='dock')
     assert stage.status() == 'clear'
     monitor_sources(stage)
     assert stage.state().contacts == (('dock', 0),)
@@ -311,10 +311,9 @@ def test_footprint_ignores_sources_that_it_does_not_monitor():
 def test_contacts_with_monitored_sources():
     """The obstacle moves to the robot, the robot to the obstacle, and the margin grows."""
     stage = stage_of('walls')
-    stage.see(0.9, stamp=0.03, name='walls')
+    stage.send(0.9, name='walls')
     assert stage.status() == 'collision'
-    stage.see(7.0, stamp=0.06, name='walls')
-    stage.end(0.06, 'walls')
+    stage.send(7.0, name='walls')
     assert stage.status() == 'clear'
     stage.robot(6.5)
     assert stage.status() == 'collision'
@@ -337,12 +336,11 @@ def test_faults_of_other_sources_are_ignored():
     assert stage.status('all') == 'clear'
     stage.wait_until(2.001)
     stage.refuse(name='dock')
-    silent = ('obstacle source lidar on /polygons has been silent for longer than its timeout of '
-              '2 s')
-    refused = 'obstacle source dock on /dock sent what was refused: not finite'
+    refused = ('obstacle source dock on /dock has not sent a whole set since a message was '
+               'refused: not finite')
     assert status_and_reasons(stage) == ('clear', ())
-    assert stage.state('cart').reasons == (silent,)
-    assert stage.state('all').reasons == (refused, silent)
+    assert stage.state('cart').reasons == (SILENT,)
+    assert stage.state('all').reasons == (refused, SILENT)
 
 
 def test_unknown_if_all_monitored_sources_are_disabled():

@@ -16,7 +16,7 @@
 
 from dataclasses import replace
 
-from stage import POLYGONS, CART, clear_stage, EVERY_KIND, ROBOT, Stage
+from stage import CART, clear_stage, EVERY_KIND, LIDAR, REFUSED, ROBOT, Stage
 
 
 def test_frame_is_that_of_all_footprints_of_the_last_second():
@@ -54,8 +54,7 @@ def test_first_footprint_sets_the_frame():
     assert stage.see(0.5, frame='map') == 'other frame'
     stage.end()
     assert stage.status() == 'unknown'
-    assert stage.state().reasons == (
-        'obstacle source lidar on /polygons sent what was refused: other frame',)
+    assert stage.state().reasons == (REFUSED + 'other frame',)
     stage.wait_until(0.1)
     stage.see(0.5, frame='odom')
     assert stage.status() == 'collision'
@@ -63,22 +62,23 @@ def test_first_footprint_sets_the_frame():
 
 @EVERY_KIND
 def test_obstacles_received_before_the_frame_is_known(settings):
+    """Those in another frame are refused then."""
     stage = Stage(settings)
-    stage.end(stamp=-1.9)
     stage.see(0.5, frame='odom', instance=1)
     stage.see(9.5, frame='map', instance=2)
     stage.end()
     stage.robot(frame='odom')
     assert list(stage.held.values()) == [0.5]
     assert stage.status() == 'collision'
-    refused = 'obstacle source lidar on /polygons sent what was refused: other frame'
-    assert stage.state().reasons[-1] == refused
-    stage.wait_until(0.1)
-    stage.see(0.5, frame='odom', instance=1)
-    stage.see(8.5, frame='odom', instance=2)
-    stage.end()
-    assert stage.status() == 'collision'
-    assert stage.state().reasons == ((refused,) if settings is POLYGONS else ())
+    assert stage.state().reasons[-1].endswith('a message was refused: other frame')
+    for time in (0.1, 2.0, 3.2):
+        stage.wait_until(time)
+        stage.robot(frame='odom')
+        stage.see(0.5, frame='odom', instance=1)
+        stage.see(8.5, frame='odom', instance=2)
+        stage.end()
+        assert stage.status() == 'collision'
+        assert (stage.state().reasons == ()) == (settings is LIDAR or time > 3)
 
 
 def test_refusal_before_the_frame_is_known_keeps_its_reason():
@@ -86,8 +86,7 @@ def test_refusal_before_the_frame_is_known_keeps_its_reason():
     stage.refuse('not finite')
     stage.end()
     stage.robot()
-    assert stage.state().reasons == (
-        'obstacle source lidar on /polygons sent what was refused: not finite',)
+    assert stage.state().reasons == (REFUSED + 'not finite',)
 
 
 def test_configured_frame_refuses_other_frames_from_the_start():
@@ -96,8 +95,7 @@ def test_configured_frame_refuses_other_frames_from_the_start():
     stage.end()
     assert stage.robot(frame='odom') == 'other frame'
     assert stage.state().reasons == (
-        "footprint robot on /footprint is not in the frame 'map'",
-        'obstacle source lidar on /polygons sent what was refused: other frame')
+        "footprint robot on /footprint is not in the frame 'map'", REFUSED + 'other frame')
     stage.wait_until(0.1)
     stage.see(0.5)
     stage.robot()

@@ -30,6 +30,7 @@ UNTIMED_ROBOT = replace(ROBOT, timeout=0.0)
 POLYGONS = ObstacleSettings('lidar', '/polygons')
 LIDAR = replace(POLYGONS, set_end='empty_polygon')
 UNTIMED_LIDAR = replace(LIDAR, timeout=0.0)
+RADAR = replace(LIDAR, name='radar', topic='/radar')
 INSTANCES = replace(POLYGONS, type='polygon_instance')
 EVERY_KIND = pytest.mark.parametrize('settings', [LIDAR, INSTANCES, POLYGONS],
                                      ids=['sets', 'instances', 'polygons'])
@@ -39,7 +40,9 @@ TOO_OLD = 'footprint robot on /footprint is older than its timeout of 1 s'
 NOT_RECEIVED = 'footprint robot on /footprint has not been received yet'
 NOTHING_SENT = 'obstacle source lidar on /polygons has not sent anything yet'
 LIDAR_SAYS = 'obstacle source lidar on /polygons '
-REFUSED = LIDAR_SAYS + 'sent what was refused: '
+REFUSED = LIDAR_SAYS + 'has not sent a whole set since a message was refused: '
+SILENT = (LIDAR_SAYS + 'has been silent for longer than its timeout of 2 s: where it sees nothing '
+          'let it send an empty polygon')
 
 
 def nanoseconds(seconds):

@@ -17,7 +17,8 @@ Publish what a laser sees as polygons: LaserScan in, one set of PolygonStamped a
 Returns next to each other that are no further apart than `gap` are one surface. It is split where
 it bends, so that no piece is thicker than `thickness`, and the convex hull of each piece is
 published: a wall around the robot stays a ring of thin pieces. All have the stamp and the frame of
-the scan, and an empty polygon ends the set: that proves to the monitor that it has all.
+the scan, and an empty polygon ends the set: the monitor knows by it that it has all, where its
+source has `set_end: empty_polygon`.
 """
 
 from contextlib import suppress

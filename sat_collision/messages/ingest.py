@@ -216,6 +216,9 @@ class Ingest:
         stamp = instance = None
         try:
             stamp, sent_in, points, instance = self._decode[name](data)
+            if not settings.timeout and isinstance(settings, ObstacleSettings):
+                # A map does not age, and may have been kept since the clock was set back.
+                stamp = min(stamp, now)
             frame_id = sent_in
             affine: Affine2D | None = None
             if not frame_id and points[2]:

@@ -270,7 +270,8 @@ class Scene:
             refusal = source.receive(None, frame_id, stamp, now, instance, number, OTHER_FRAME)
         else:
             refusal = source.receive(body, frame_id, stamp, now, instance, number, sent=sent)
-        due = (stamp if stamp and stamp < now else now) + source.timeout
+        due = (source.deadline if source.timeout == NEVER else
+               (stamp if stamp and stamp < now else now) + source.timeout)
         if due < self.deadline:
             self.deadline = due
         if source.faults is not faults or source.knowledge is not knowledge:

@@ -150,7 +150,8 @@ class Source:
     @property
     def deadline(self) -> float:
         """Time in ns after which something changes without a message."""
-        return min(self.knowledge.deadline, self.stream.mixed_until, self._frame_deadline,
+        return min(self.knowledge.deadline, self.stream.mixed_until, self.stream.again_until,
+                   self._frame_deadline,
                    *(group.oldest + self.timeout for group in self._former))
 
     def pass_time(self, now: int) -> None:
@@ -181,12 +182,13 @@ class Source:
         """Update the publishers; a change of them may start over what is known."""
         if self.stream.update(endpoints):
             self._begin_anew(now, wants_history=True)
+            self.stream.limit_again(now)
         self._drop_former()
         self._find_faults(now)
 
     def renew(self, now: int) -> None:
         """Start over with a new subscription, to which the publisher sends all that it keeps."""
-        self.stream.restart()
+        self.stream.restart(now)
         self._begin_anew(now)
         self._find_faults(now)
 
@@ -258,10 +260,12 @@ class Source:
             if body is not None:
                 self._mixed.take(body, frame_id, time, sent=sent)
             return refusal
+        # The start of a map may be kept by its publisher, unless this is all that it keeps.
+        wants_history = self.knowledge.wants_history or not self.stream.is_new
         news = self.stream.receive(number, now)
         is_mark = body is None and not refusal and self.settings.set_end == EMPTY_POLYGON
         if news is JOINED or news is BEGUN:
-            self._begin_anew(now)
+            self._begin_anew(now, wants_history=wants_history and news is JOINED)
         elif stamp and stamp + self.timeout < self.knowledge.newest and not is_mark:
             # The clock of its publisher was set back.
             news = JOINED
@@ -357,7 +361,8 @@ class Source:
     def _drop_former(self, all_of_them: bool = False) -> None:
         """Drop former listings that have expired, are replaced, or are too many."""
         is_replaced = all_of_them or (
-            self.timeout == NEVER and self.knowledge.is_known and self.stream.is_alone)
+            self.timeout == NEVER and self.knowledge.is_known and self.stream.is_alone
+            and not self.stream.is_again)
         for k, group in reversed([*enumerate(self._former)]):
             if group is not self._mixed and (is_replaced or group.oldest == NEVER
                                              or k < len(self._former) - _MAX_FORMER):

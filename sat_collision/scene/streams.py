@@ -85,6 +85,12 @@ class Stream:
         self._presumed: str | None = None
         # The last number of the previous stream.
         self._last_before = 0
+        # The greatest number received; whether it is surely of the one publisher. What was received
+        # before the subscription was made anew: up to which number, and how long it is awaited.
+        self._newest = 0
+        self._is_newest_sure = True
+        self._again = 0
+        self.again_until: float = NEVER
 
     @property
     def publishers(self) -> list[Endpoint]:
@@ -103,12 +109,25 @@ class Stream:
         """Whether at most one publisher is left, including those that do not count."""
         return len(self._endpoints or ()) <= 1
 
+    @property
+    def is_new(self) -> bool:
+        """Whether nothing has been received since the subscription was made."""
+        return self.next is None and not self._last
+
+    @property
+    def is_again(self) -> bool:
+        """Whether messages are still to come again that were received before."""
+        return self._newest < self._again
+
     def receive(self, number: int | None, now: int) -> News:
         """Receive the number of a message; if the middleware gives none, losses go unnoticed."""
         expected = self.next
         if number is None:
             number = 2 if expected is None else expected
         self.next = number + 1
+        self._newest = max(self._newest, number)
+        if not self.is_again:
+            self._end_again()
         # Only number 1 can arrive before its publisher is reported, so this one was reported.
         self.awaits_endpoint = False
         if number == expected:
@@ -156,8 +175,15 @@ class Stream:
             return False
         self.awaits_endpoint = False
         self.mixed_until = NEVER
+        self._is_newest_sure = known.keys().isdisjoint(current)
+        if self._is_newest_sure:
+            self._newest = 0
+            self._end_again()
         self.interrupt()
         return True
+
+    def _end_again(self) -> None:
+        self._again, self.again_until = 0, NEVER
 
     def _find_publisher(self, number: int, expected: int | None, now: int) -> None:
         """Find the publisher that began a stream with this number."""
@@ -184,21 +210,33 @@ class Stream:
         if self.next is not None:
             self._last, self.next = self.next - 1, None
 
-    def restart(self) -> None:
+    def restart(self, now: int) -> None:
         """Start over with a new subscription, to which the publisher sends all that it keeps."""
         self.next, self._last = None, 0
+        self._again = max(self._again, self._newest)
+        self.limit_again(now)
+        self._newest, self._is_newest_sure = 0, self.is_alone
         self._silent = {one.gid for one in self.publishers}
         self._perhaps_silent.clear()
+
+    def limit_again(self, now: int) -> None:
+        """Await what was received before for long only if it is surely of the one publisher."""
+        if self._again and not self._is_newest_sure:
+            self.again_until = now + _MIXED_MAP
 
     def pass_time(self, now: int) -> None:
         """Let time pass, after which numbers of two publishers are no longer a fault."""
         if self.mixed_until < now:
             self.mixed_until = NEVER
+        if self.again_until < now:
+            self._end_again()
 
     def set_back(self, now: int) -> None:
         """Adjust to a clock that was set back."""
         if self.mixed_until < NEVER:
             self._be_mixed(now)
+        if self.again_until < NEVER:
+            self.again_until = now + _MIXED_MAP
 
     def faults(self) -> list[str]:
         """Return what is wrong with the publishers, as ends of sentences."""
@@ -218,6 +256,8 @@ class Stream:
         elif self.mixed_until < NEVER:
             faults.append('has messages whose numbers are those of two publishers: give each a '
                           'topic and a name here of its own')
+        elif self.is_again:
+            faults.append('is being received again from the start')
         return faults
 
     def hints(self) -> list[str]:

@@ -130,7 +130,8 @@ class Rig:
         """Start the node's process, optionally through another command."""
         self.process = subprocess.Popen(
             [*command, sys.executable, '-c', _PROGRAM, str(self.hanging), '--ros-args',
-             '-p', f'footprint.timeout:={_TIMEOUT}', '-p', f'obstacle.timeout:={_TIMEOUT}'],
+             '-p', f'footprint.timeout:={_TIMEOUT}', '-p', f'obstacle.timeout:={_TIMEOUT}',
+             '-p', 'obstacle.set_end:=empty_polygon'],
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=ROOT,
             env={**os.environ, 'ROS_DOMAIN_ID': str(self._domain)})
 

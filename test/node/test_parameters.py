@@ -92,6 +92,13 @@ def test_outline_parameter_file_has_an_outline(declare):
     assert footprint.topic == '/tf' and parameters.settings.frame_id == 'odom'
 
 
+@pytest.mark.parametrize('name', ('fleet', 'nav2', 'outline'))
+def test_parameter_files_declare_what_ends_a_set(declare, name):
+    """So no obstacle leaves a trail."""
+    _, parameters = declare(cli_args=['--ros-args', '--params-file', str(CONFIG / f'{name}.yaml')])
+    assert 'none' not in [source.ending for source in parameters.settings.obstacles]
+
+
 OUTLINE = {'frame_id': 'odom', 'footprint.frame_id': 'base', 'footprint.points': [0.0, 0.0]}
 
 

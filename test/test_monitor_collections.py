@@ -17,7 +17,7 @@
 from dataclasses import replace
 import random
 
-from builders import box, collection, polygon_2d, SECOND, transforms
+from builders import box, collection, polygon_2d, SECOND, serialised, transforms
 from monitors import BOW_TIE, CIRCLE, NOW
 from oracle import intersects
 import pytest
@@ -193,3 +193,37 @@ def test_contacts_are_exact_whatever_the_shapes(seed):
         met = {f'lidar/{k}' for k, one in enumerate(polygons) if intersects(footprint, one)}
         assert {str(name) for name in world.monitor.scene.state('robot').contacts} == met
         assert world.status == ('collision' if met else 'clear')
+
+
+@pytest.mark.parametrize('changes', [
+    {}, {'set_end': 'empty_polygon'}, {'set_end': 'new_stamp'}, {'type': 'polygon_instance'},
+    {'timeout': 0.0, 'set_end': 'empty_polygon'}], ids=str)
+@pytest.mark.parametrize('assumed', (False, True))
+def test_without_numbers_only_sets_in_one_message_are_known(changes, assumed):
+    """A loss would not be seen, unless the user promises that there is none."""
+    source = ObstacleSettings('lidar', '/lidar', assume_no_loss=assumed, **changes)
+    monitor = Monitor(Settings(footprints=(FootprintSettings('robot', '/robot'),),
+                               obstacles=(source,)), transforms=False)
+    monitor.scene.use_middleware('rmw_example')
+    with_id = 1 if source.type == 'polygon_instance' else None
+    for k in range(9):
+        now = NOW + k * SECOND
+        monitor.receive('robot', serialised(box(0), now), now, None)
+        for points in (box(5), ()):
+            monitor.receive('lidar', serialised(points, now, instance=with_id), now, None)
+    assert monitor.scene.state('robot').status.value == ('clear' if assumed else 'unknown')
+    faults = ' '.join(monitor.scene.source_faults)
+    (summary, _), = monitor.scene.source_summaries
+    if assumed:
+        assert not faults and summary.endswith('assuming that none was lost')
+    else:
+        assert 'rmw_example' in faults and 'assume_no_loss: true' in faults
+
+
+def test_messages_of_footprints_need_no_numbers():
+    """Each is whole in one message, and so is a set of one where that is declared."""
+    world = Collections(type='polygon', set_end='each_message')
+    for place, status in ((5, 'clear'), (0.5, 'collision'), (5, 'clear')):
+        message = serialised(box(place), NOW)
+        assert world.monitor.receive('lidar', message, NOW, None) is None
+        assert world.status == status

@@ -464,6 +464,11 @@ class Scene:
         """Why sources of obstacles cannot be trusted, in sentences."""
         return tuple(chain.from_iterable(source.faults for source in self._sources.values()))
 
+    def use_middleware(self, name: str) -> None:
+        """Name the middleware where it gives no sequence numbers."""
+        for source in self._sources.values():
+            source.middleware = name
+
     @property
     def source_names(self) -> Collection[str]:
         """The names of the sources of obstacles."""

@@ -173,6 +173,10 @@ class ObstacleSettings:
         live=True, safety=True, limits=(0.0, _DAY)))
     enabled: bool = field(default=True, metadata=_setting(
         'false ignores the source and drops its obstacles', live=True, safety=True))
+    assume_no_loss: bool = field(default=False, metadata=_setting(
+        'true promises that the middleware loses no message, where it gives no numbers that '
+        'would show it, as Cyclone DDS; false leaves a source unknown there, unless each of its '
+        'messages is a whole set', safety=True))
     max_count: int = field(default=100_000, metadata=_setting(
         'max number of obstacles in a set; with set_end none, of all that are held; more are '
         'refused and make the footprints unknown', live=True, safety=True,

@@ -27,7 +27,7 @@ from sat_collision.scene.obstacle_store import (
     ObstacleGroup, ObstacleStore, OTHER_FRAME, SetGroup, Shape)
 from sat_collision.scene.settings import (
     BY_ANOTHER_CLOCK, EACH_MESSAGE, EMPTY_POLYGON, FAR, NEVER, NEW_STAMP, NONE, ObstacleSettings,
-    POLYGON_INSTANCE)
+    POLYGON_COLLECTION, POLYGON_INSTANCE)
 from sat_collision.scene.streams import BEGUN, CONTINUES, Endpoint, JOINED, Stream
 from sat_collision.scene.velocity import MotionTracker, Vertices
 
@@ -56,6 +56,7 @@ class Source:
         self.settings = settings
         self.store = ObstacleStore(settings.name, contacts)
         self.stream = Stream()
+        self.middleware = 'its middleware'
         # Why the source cannot be trusted, as sentences; empty if it can. The same object until
         # they change.
         self.faults: tuple[str, ...] = ()
@@ -111,16 +112,24 @@ class Source:
         return 'ids' if self.settings.type == POLYGON_INSTANCE else 'timeout'
 
     @property
+    def _lacks_numbers(self) -> bool:
+        """Whether a loss that matters would not be seen."""
+        return not self.stream.is_numbered and self.settings.ending != EACH_MESSAGE
+
+    @property
     def summary(self) -> str:
         """What is known of it, in words."""
         if not self.settings.enabled:
             return 'disabled'
         knowledge = self.knowledge
         count = f'{knowledge.count} polygon{"s" * (knowledge.count != 1)}'
+        rule = f'by {self.rule}'
+        if self._lacks_numbers and self.settings.assume_no_loss:
+            rule += ', assuming that none was lost'
         if isinstance(knowledge, Refreshed):
-            return f'{count} of the last {self.settings.timeout:g} s, by {self.rule}'
+            return f'{count} of the last {self.settings.timeout:g} s, {rule}'
         rate = f', {knowledge.rate:.3g} listings/s' if knowledge.rate else ''
-        return f'{count} of the last whole listing{rate}, by {self.rule}'
+        return f'{count} of the last whole listing{rate}, {rule}'
 
     @property
     def advice(self) -> str:
@@ -378,6 +387,12 @@ class Source:
         faults: tuple[str, ...] = ()
         if self.settings.enabled:
             words = self.stream.faults()
+            if self._lacks_numbers and not self.settings.assume_no_loss:
+                words.append(
+                    f'has no sequence numbers, which {self.middleware} does not give, so that a '
+                    'loss would not be seen: send each set as one message, with type '
+                    f'{POLYGON_COLLECTION}, or use another middleware, or promise that nothing is '
+                    'lost with assume_no_loss: true')
             problem = self.knowledge.problem(now)
             if problem and not words:
                 if self._is_far:

@@ -66,8 +66,9 @@ class Stream:
     def __init__(self) -> None:
         # The number that continues the stream, None if no number does.
         self.next: int | None = None
-        # Number of messages lost so far.
+        # Number of messages lost so far; whether the middleware gives numbers, which show that.
         self.lost = 0
+        self.is_numbered = True
         # For how long numbers that only two publishers can have sent are a fault, and until when
         # they are one now, NEVER if they are not.
         self.timeout: float = NEVER
@@ -122,6 +123,7 @@ class Stream:
     def receive(self, number: int | None, now: int) -> News:
         """Receive the number of a message; if the middleware gives none, losses go unnoticed."""
         expected = self.next
+        self.is_numbered = number is not None
         if number is None:
             number = 2 if expected is None else expected
         self.next = number + 1

@@ -283,3 +283,21 @@ def test_map_beyond_the_largest_double_is_refused():
     with pytest.raises(ValueError, match='vertex 1 is not finite'):
         Polygon.from_float32(*message([(0, 0), (3e38, 0), (0, 1)]),
                              affine=(1e300, 0.0, 0.0, 0.0, 1.0, 0.0))
+
+
+@pytest.mark.parametrize('affine', [UNMOVED, random_affine(np.random.default_rng(16))])
+def test_float64_bytes_are_packed_exactly(affine):
+    """At UTM coordinates, where float32 has steps of 0.5 m."""
+    rng = np.random.default_rng(17)
+    for _ in range(100):
+        ring = rng.normal((600_000.0, 5_500_000.0), 1.0, (rng.integers(1, 9), 2))
+        wanted, _ = moved_by_rationals(ring, affine)
+        data = b'12345678' + ring.tobytes()
+        found = np.asarray(moved_points(data, 8, len(ring), PAIR, affine)).reshape(-1, 2)
+        assert found.tolist() == wanted
+
+
+@pytest.mark.parametrize('start, count', [(0, 3), (5, 2), (-4, 2), (4, -1), (4, 2**40)])
+def test_points_beyond_the_bytes_are_an_error(start, count):
+    with pytest.raises(ValueError, match='are not in 28 bytes'):
+        Polygon.from_float32(bytes(28), start, count)

@@ -262,7 +262,7 @@ class SetGroup(ObstacleGroup):
         places, taken = self._places, self._taken
         if taken < len(places):
             super()._forget(places[taken:])
-            self._rows[taken:len(places)] = -1
+            np.asarray(self._rows)[taken:len(places)] = -1
             del places[taken:]
         self._contacts.hide_obstacles(self, self._rows)
         self._pending.clear()

@@ -382,7 +382,7 @@ class Scene:
     def receive_early(self, name: str, body: Shape, frame_id: str, stamp: int) -> None:
         """Let an obstacle count that waits behind a message without a transform."""
         self._sources[name].receive_early(body, frame_id, stamp, self._now)
-        self._evaluate()
+        self._follow_up(self._sources[name])
 
     def follow_frame(self, name: str, frame_id: str,
                      body_of: Callable[[Any], PackedBody | None]) -> None:

@@ -18,7 +18,8 @@ from dataclasses import replace
 
 import pytest
 from stage import (
-    INSTANCES, known_stage, LIDAR, LIDAR_SAYS, status_and_reasons, UNTIMED_LIDAR, with_robot)
+    known_stage, LIDAR, LIDAR_SAYS, pass_by, REFRESHED, SILENT, status_and_reasons, UNTIMED_LIDAR,
+    with_robot)
 
 
 def change(stage, **changes):
@@ -28,33 +29,57 @@ def change(stage, **changes):
     stage.scene.update(stage.settings)
 
 
-def test_ids_are_unknown_for_a_longer_timeout():
+@REFRESHED
+def test_a_longer_timeout_is_unknown_until_it_has_passed(settings):
     """An obstacle that is sent every 5 s was forgotten after the 2 s of before."""
-    stage = known_stage(INSTANCES)
-    stage.see(0.5, instance=0)
+    stage = known_stage(settings)
+    stage.see(0.5, instance=2)
     for time in (1.5, 3.0):
         stage.wait_until(time)
         stage.see(10, instance=1)
     assert status_and_reasons(stage) == ('clear', ())
     change(stage, timeout=6.0)
     assert status_and_reasons(stage) == ('unknown', (
-        LIDAR_SAYS + 'has not been received for its timeout of 6 s without a gap since its '
-        'parameters were changed',))
+        LIDAR_SAYS + 'has not been received for its timeout of 6 s and future_tolerance, 1 s, '
+        'without a gap since its parameters were changed',))
     stage.wait_until(5.0)
-    stage.see(0.5, instance=0)
+    stage.see(0.5, instance=2)
     assert stage.status() == 'collision'
-    for time in (8.9, 9.0):
-        stage.see(20, instance=0)
-        assert stage.status() == 'unknown'
-        stage.wait_until(time)
-        stage.see(10, instance=1)
+    pass_by(stage, 10.0, 11.5)
     assert status_and_reasons(stage) == ('clear', ())
 
 
-def test_ids_stay_known_for_a_shorter_timeout():
-    stage = known_stage(INSTANCES)
-    stage.see(10, instance=0)
-    change(stage, timeout=1.0)
+@REFRESHED
+def test_a_shorter_timeout_forgets_sooner_and_all_stays_known(settings):
+    stage = known_stage(settings)
+    change(stage, timeout=0.1)
+    stage.wait_until(0.1)
+    stage.see(0.5, instance=1)
+    stage.wait_until(0.2)
+    stage.see(10, instance=2)
+    assert status_and_reasons(stage) == ('collision', ())
+    pass_by(stage, 0.204)
+    assert status_and_reasons(stage) == ('clear', ())
+
+
+def test_timeout_of_sets_can_be_changed_live():
+    """A shorter one forgets at once; a longer one restores neither obstacles nor knowledge."""
+    stage = with_robot(LIDAR)
+    stage.send(0.5)
+    stage.wait_until(1.5)
+    change(stage, timeout=10.0)
+    stage.send(0.5)
+    stage.wait_until(9.0)
+    assert status_and_reasons(stage) == ('collision', (
+        LIDAR_SAYS + 'has not sent a whole set since its parameters were changed',))
+    change(stage, timeout=5.0)
+    assert status_and_reasons(stage) == ('unknown', (SILENT.replace('of 2 s', 'of 5 s'),))
+    change(stage, timeout=0.0)
+    assert stage.status() == 'unknown' and stage.held == {}
+    stage.send()
+    stage.send()
+    assert status_and_reasons(stage) == ('clear', ())
+    change(stage, timeout=2.0)
     assert status_and_reasons(stage) == ('clear', ())
 
 
@@ -66,27 +91,6 @@ def test_set_of_which_some_was_too_old_is_not_whole_for_a_longer_timeout():
     stage.end(stamp=0.1)
     assert stage.status() == 'unknown'
     stage.send(10)
-    assert status_and_reasons(stage) == ('clear', ())
-
-
-@pytest.mark.parametrize('changes', [{'set_window': 0.1}, {'max_count': 3}])
-def test_set_that_was_cut_in_two_is_not_whole_for_a_greater_window_or_count(changes):
-    """The robot touches the first of three obstacles, 30 ms apart, each a set so far."""
-    stage = known_stage(LIDAR)
-    stage.see(0.5, stamp=0.0)
-    stage.time = 0.03
-    stage.see(10)
-    stage.time = 0.06
-    stage.see(20)
-    assert status_and_reasons(stage) == ('clear', ())
-    change(stage, **changes)
-    for time in (0.06, 1.0):
-        stage.wait_until(time)
-        assert status_and_reasons(stage) == ('unknown', (
-            LIDAR_SAYS + 'has not sent a whole set since its parameters were changed',))
-        stage.end()
-    stage.wait_until(2.0)
-    stage.send(10, 20)
     assert status_and_reasons(stage) == ('clear', ())
 
 

@@ -86,8 +86,8 @@ class Stream:
         self._presumed: str | None = None
         # The last number of the previous stream.
         self._last_before = 0
-        # The greatest number received; whether it is surely of the one publisher. What was received
-        # before the subscription was made anew: up to which number, and how long it is awaited.
+        # The greatest number received, and whether it is surely of the one publisher. What had
+        # come before the subscription was made anew: up to which number, how long it is awaited.
         self._newest = 0
         self._is_newest_sure = True
         self._again = 0

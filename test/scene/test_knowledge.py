@@ -421,10 +421,12 @@ def test_publisher_of_another_node_counts(other):
 
 
 def test_restarted_stream_begins_with_number_1():
-    """A latched map comes again without being taken for a loss or a second publisher."""
+    """What was received before comes again, without being taken for a loss."""
     stream = Stream()
     play(stream, [[A], 1, 2, 5])
-    stream.restart()
+    stream.restart(0)
     assert play(stream, [1, 2]) == [BEGUN, CONTINUES]
+    assert stream.faults() == ['is being received again from the start']
+    assert play(stream, [3, 4, 5]) == [CONTINUES] * 3
     assert stream.faults() == []
     assert play(stream, [[A, B]]) == [True], 'the number 1 was that of a'

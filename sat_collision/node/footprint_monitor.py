@@ -32,6 +32,7 @@ from rclpy.logging import (
 from rclpy.node import Node
 from rclpy.qos import QoSLivelinessPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import get_rmw_implementation_identifier
 from sat_collision.extras import in_one_line
 from sat_collision.geometry.compilation import kernel_problem
 from sat_collision.geometry.jit import KERNEL
@@ -99,9 +100,11 @@ class FootprintMonitor(Node):
         transforms = transform_type(self, settings)
         self._monitor = Monitor(settings, transforms is not None)
         self._scene = self._monitor.scene
+        middleware = get_rmw_implementation_identifier()
+        self._scene.use_middleware(middleware)
         self._outputs = Outputs(self, settings, self._scene, flag_qos())
         self._outputs.measures = self._preparation.is_complete()
-        self._health = Health(self, {'kernel': KERNEL,
+        self._health = Health(self, {'kernel': KERNEL, 'middleware': middleware,
                                      'problem of kernels': kernel_problem() or 'none'})
         self._logged: dict[tuple[str, str], float] = {}
         taken_by = Reserved()

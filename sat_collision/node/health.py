@@ -64,6 +64,10 @@ class Health:
         self._longest_stall = 0.0
         self._changes: dict[str, str] = {}
 
+    def note_fact(self, name: str, value: str) -> None:
+        """Record a value that stays the same while the node runs."""
+        self._facts = {**self._facts, name: value}
+
     def note_change(self, name: str, old: object, new: object) -> None:
         """Record a change of a parameter."""
         self._changes[name] = f'from {old} to {new}'

@@ -18,19 +18,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped, Twist, TwistStamped
 from rclpy.callback_groups import CallbackGroup
 from rclpy.event_handler import (
-    QoSLivelinessChangedInfo, QoSRequestedDeadlineMissedInfo, QoSRequestedIncompatibleQoSInfo,
-    QoSSubscriptionMatchedInfo, SubscriptionEventCallbacks)
+    EventHandler, QoSLivelinessChangedInfo, QoSRequestedDeadlineMissedInfo, QoSRequestedIncompatibleQoSInfo,
+    QoSSubscriptionMatchedInfo, SubscriptionEventCallbacks, UnsupportedEventTypeError)
 from rclpy.node import Node
 from rclpy.qos import (
     qos_policy_name_from_kind, QoSDurabilityPolicy, QoSPolicyKind, QoSProfile,
     QoSReliabilityPolicy)
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
+from rclpy.utilities import get_rmw_implementation_identifier
 from sat_collision.messages.transform_listener import TF_STATIC
 from sat_collision.node.health import Health
 from sat_collision.node.loop import Input, unused
@@ -60,6 +61,26 @@ _COMMAND_QOS = QoSProfile(depth=1, reliability=QoSReliabilityPolicy.BEST_EFFORT)
 NoteMatched: TypeAlias = Callable[[str, QoSSubscriptionMatchedInfo], object]
 
 
+class _SupportedEvents(SubscriptionEventCallbacks):  # type: ignore[misc]
+    """Handles the events that the middleware has; names of others are added to `unsupported`."""
+
+    def __init__(self, unsupported: set[str], incompatible_qos: Callable[..., None],
+                 **callbacks: Callable[..., object]) -> None:
+        super().__init__(incompatible_qos=incompatible_qos)
+        self._unsupported = unsupported
+        self._callbacks = callbacks
+
+    def create_event_handlers(self, *where: Any) -> list[EventHandler]:
+        handlers: list[EventHandler] = super().create_event_handlers(*where)
+        for name, callback in self._callbacks.items():
+            one = SubscriptionEventCallbacks(use_default_callbacks=False, **{name: callback})
+            try:
+                handlers += one.create_event_handlers(*where)
+            except UnsupportedEventTypeError:
+                self._unsupported.add(name)
+        return handlers
+
+
 class Subscriptions:
     """
     Subscribes to the serialised messages of footprints, or of their odometry, and obstacles.
@@ -77,6 +98,7 @@ class Subscriptions:
         self._group = group
         self._health = health
         self._note_matched = note_matched
+        self._unsupported: set[str] = set()
         self.inputs: list[Input] = []
         self._create: dict[str, Callable[[], Subscription]] = {}
         for footprint in settings.footprints:
@@ -90,6 +112,12 @@ class Subscriptions:
             self._subscribe(source, _kind(source),
                             _COLLECTION_DEPTH if is_whole else _SETS_IN_QUEUE * source.max_count)
         self.publishers = Publishers(node, self.inputs)
+        if self._unsupported:
+            events = ', '.join(sorted(self._unsupported))
+            health.note_fact('events that the middleware lacks', events)
+            node.get_logger().warning(
+                f'{get_rmw_implementation_identifier()} has no events of these kinds: {events}; '
+                'what they would tell of publishers is noticed later, or not at all')
 
     def renew(self, name: str) -> bool:
         """
@@ -107,8 +135,8 @@ class Subscriptions:
 
     def _subscribe(self, source: FootprintSettings | ObstacleSettings, kind: type, depth: int,
                    parameter: str = 'topic') -> None:
-        events = SubscriptionEventCallbacks(
-            incompatible_qos=partial(self._report_incompatible_qos, source.topic),
+        events = _SupportedEvents(
+            self._unsupported, incompatible_qos=partial(self._report_incompatible_qos, source.topic),
             deadline=partial(self._count_missed_deadlines, source.topic),
             liveliness=partial(self._note_liveliness, source),
             matched=partial(self._note_matched, source.name))

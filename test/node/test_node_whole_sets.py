@@ -1,0 +1,129 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Whole sets in one message over real DDS, and middlewares that lack numbers or events."""
+
+import sys
+
+from harness import APART, health, ROBOT, SECOND, TOUCHING
+import pytest
+import rclpy.event_handler
+from rclpy.event_handler import UnsupportedEventTypeError
+from sat_collision.node import loop
+from sat_collision.scene.parameters import ParameterError
+
+
+def polygon_2d(points):
+    """Build a Polygon2D."""
+    msg = pytest.importorskip('polygon_msgs.msg', reason='make .venv/messages.stamp builds it')
+    return msg.Polygon2D(points=[msg.Point2D(x=float(x), y=float(y)) for x, y in points])
+
+
+def send_2d(monitor, topic, polygons, stamp=None):
+    """Publish a Polygon2DStamped of one polygon, or a Polygon2DCollection of a list of them."""
+    from polygon_msgs.msg import Polygon2DCollection, Polygon2DStamped
+    if isinstance(polygons, list):
+        message = Polygon2DCollection(polygons=polygons)
+    else:
+        message = Polygon2DStamped(polygon=polygons)
+    message.header.frame_id = 'map'
+    stamp = monitor.now() if stamp is None else stamp
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, SECOND)
+    monitor.publisher(topic, type(message)).publish(message)
+
+
+def test_each_collection_is_a_whole_set(start):
+    """No mark, no number and no wait is needed: one message tells, and the next releases."""
+    robot, apart, touching = map(polygon_2d, (ROBOT, APART, TOUCHING))
+    monitor = start(obstacle__type='polygon_collection', footprint__type='polygon_2d')
+    for polygons, state in (([apart], 'clear'), ([apart, touching], 'collision'),
+                            ([], 'clear'), ([touching], 'collision'), ([apart], 'clear')):
+        send_2d(monitor, 'footprint', robot)
+        send_2d(monitor, 'obstacles', polygons)
+        monitor.await_state(state)
+        if state == 'collision':
+            assert monitor.contacts() == [f'obstacle/{polygons.index(touching)}']
+    assert 'by each message' in health_of_source(monitor)
+
+
+def health_of_source(monitor):
+    status = monitor.status()
+    return next(one.value for one in status.values if one.key == 'source obstacle')
+
+
+@pytest.mark.parametrize('kind, name', [('obstacle', 'polygon_collection'),
+                                        ('footprint', 'polygon_2d')])
+def test_types_of_polygon_msgs_say_what_to_install(start, monkeypatch, kind, name):
+    monkeypatch.setitem(sys.modules, 'polygon_msgs', None)
+    with pytest.raises(ParameterError, match='apt install ros-jazzy-polygon-msgs'):
+        start(**{f'{kind}__type': name})
+
+
+@pytest.fixture
+def without_numbers(monkeypatch):
+    """Make the middleware give no sequence numbers, as Cyclone DDS."""
+    def taken(take):
+        def take_without_number():
+            if (found := take()) is None:
+                return None
+            data, info = found
+            return data, {**info, loop._NUMBER: None}
+        return take_without_number
+    before = loop._Topic.__init__
+
+    def init(self, *arguments):
+        before(self, *arguments)
+        self._take = taken(self._take)
+    monkeypatch.setattr(loop._Topic, '__init__', init)
+
+
+def test_without_numbers_sets_of_several_messages_are_unknown(start, without_numbers):
+    """The lost message may be that of the touching obstacle."""
+    monitor = start()
+    for _ in range(5):
+        monitor.send('footprint', ROBOT)
+        monitor.send_set('obstacles', APART)
+    monitor.until(lambda: 'rmw_fastrtps_cpp does not give' in monitor.reason(), 'the reason')
+    assert monitor.state() == 'unknown' and 'assume_no_loss: true' in monitor.reason()
+    # Contacts are told all the same.
+    monitor.send_set_until('collision', 'obstacles', TOUCHING)
+
+
+@pytest.mark.parametrize('parameters', [
+    {'obstacle__assume_no_loss': True}, {'obstacle__set_end': 'each_message'}], ids=str)
+def test_without_numbers_what_is_promised_or_whole_is_known(start, without_numbers, parameters):
+    monitor = start(**parameters)
+    monitor.send('footprint', ROBOT)
+    send = monitor.send_until if 'obstacle__set_end' in parameters else monitor.send_set_until
+    send('clear', 'obstacles', APART)
+    send('collision', 'obstacles', TOUCHING)
+    send('clear', 'obstacles', APART)
+
+
+def test_events_that_the_middleware_lacks_are_told_once(start, monkeypatch):
+    """As over releases of Zenoh: the node runs without them."""
+    before = rclpy.event_handler.EventHandler
+    lacking = ('DEADLINE', 'LIVELINESS', 'MATCHED')
+
+    def handler(*, event_type, **options):
+        if any(word in str(event_type) for word in lacking):
+            raise UnsupportedEventTypeError('not supported')
+        return before(event_type=event_type, **options)
+    monkeypatch.setattr(rclpy.event_handler, 'EventHandler', handler)
+    monitor = start()
+    monitor.logged('has no events of these kinds: deadline, liveliness, matched')
+    monitor.become('clear', APART)
+    monitor.until(lambda: health(monitor).get('events that the middleware lacks')
+                  == 'deadline, liveliness, matched', 'the diagnostics')
+    monitor.become('collision', TOUCHING)

@@ -257,14 +257,19 @@ class Monitor:
             self.transforms.drop_ahead(now)
         self._now = now
 
-    def set_clock(self, now: int) -> None:
-        """Begin anew, because the clock was set: times of before are those of another one."""
+    def set_clock(self, now: int) -> bool:
+        """
+        Begin anew, because the clock was set: times of before are those of another one.
+
+        Return whether there was a time before.
+        """
         if not self._now:
-            return
+            return False
         self._forget_times()
         self._now = now
         self.scene.set_clock(now)
         self.scene.pass_time(now)
+        return True
 
     def _forget_times(self) -> None:
         self.transforms.clear()

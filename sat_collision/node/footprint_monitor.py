@@ -95,6 +95,9 @@ class FootprintMonitor(Node):
         settings = parameters.settings
         self._preparation = Preparation(self.get_logger().info, self.get_logger().warning)
         self._prepare(settings)
+        self._clock_topic = self.resolve_topic_name('/clock')
+        self._clock_watch = ClockWatch()
+        self._is_clock_set = False
         self._choose_clock()
         self._watch_jumps(settings.future_tolerance)
         transforms = transform_type(self, settings)
@@ -111,7 +114,7 @@ class FootprintMonitor(Node):
         self._inputs = Subscriptions(self, settings, taken_by, self._health, self.note_matched)
         transform_inputs = transforms and subscribe_transforms(self, transforms, taken_by)
         self._reports_unknown_at = time.monotonic() + _STARTED
-        self._clock_watch = ClockWatch()
+        self._advised: set[str] = set()
         self._warns_of_losses = True
         self._ticked = self._draws_at = 0.0
         self._looking = Every(_TICK)
@@ -149,21 +152,35 @@ class FootprintMonitor(Node):
 
     def _watch_jumps(self, tolerance: float) -> None:
         """Notice where the simulated clock steps by more than a tolerance in s, or begins."""
-        self._is_clock_set = False
+        self._tolerance = tolerance
         self._jumps = self.get_clock().create_jump_callback(
-            JumpThreshold(min_forward=Duration(seconds=tolerance), min_backward=None,
-                          on_clock_change=True), post_callback=self._on_jump)
+            JumpThreshold(min_forward=Duration(seconds=tolerance),
+                          min_backward=Duration(seconds=-tolerance), on_clock_change=True),
+            post_callback=self._on_jump)
 
     def _on_jump(self, jump: TimeJump) -> None:
         self._choose_clock()
         self._is_clock_set = True
 
     def _choose_clock(self) -> None:
-        """Set `present`, which the loop calls each turn, to read the system or simulated clock."""
-        clock = self.get_clock()
-        self.present: Callable[[], int] = time.time_ns
-        if clock.ros_time_is_active:
-            self.present = lambda: int(clock.now().nanoseconds)
+        """Set whether time is read from the system clock or from a simulated one."""
+        self._is_simulated = self.get_clock().ros_time_is_active
+
+    def present(self, steady: float) -> int:
+        """Return the present time in ns; if the clock was set, begin anew."""
+        is_set, self._is_clock_set = self._is_clock_set, False
+        if self._is_simulated:
+            now = int(self.get_clock().now().nanoseconds)
+        else:
+            now = time.time_ns()
+            is_set |= self._clock_watch.steps(now, steady, self._tolerance)
+        if is_set and self._monitor.set_clock(now):
+            self._health.count_event('the clock', 'steps beyond future_tolerance', 1)
+            self.get_logger().warning(
+                f'the clock was set by more than future_tolerance, {self._tolerance:g} s: all '
+                'begins anew', throttle_duration_sec=_LOG_PERIOD)
+            self._publish_changes()
+        return now
 
     def receive(self, name: str, messages: Sequence[bytes], now: int,
                 number: int | None) -> None:
@@ -223,13 +240,9 @@ class FootprintMonitor(Node):
         goes_on = self._watchdog.turned()
         if goes_on:
             # `now` may have been read before the stall.
-            now = self.present()
+            now = self.present(time.monotonic())
         if self._looking.due(steady) or goes_on:
             self._look_around(now, steady)
-        if self._clock_watch.steps(now, steady, self._scene.settings.future_tolerance,
-                                   self.get_clock().ros_time_is_active) or self._is_clock_set:
-            self._is_clock_set = False
-            self._monitor.set_clock(now)
         self._log(self._monitor.advance(now))
         self._publish_changes()
         if self._publishing.due(steady) or goes_on:
@@ -238,6 +251,10 @@ class FootprintMonitor(Node):
             self._publish_markers()
         if self._reporting.due(steady):
             self._health.publish(self._monitor, self._outputs.statuses())
+            for name, advice in self._scene.advice.items():
+                if name not in self._advised:
+                    self._advised.add(name)
+                    self.get_logger().info(advice)
 
     def _publish_markers(self) -> None:
         """Publish the markers; drawing them takes no more than a tenth of the time."""
@@ -257,15 +274,22 @@ class FootprintMonitor(Node):
                 self._scene.renew(one.name)
         if steady >= self._reports_unknown_at:
             self._report_unknown()
-        self._scene.stop_clock(
-            self.get_clock().ros_time_is_active and now > 0
-            and self._clock_watch.stands(now, steady, self._scene.settings.clock_timeout))
+        self._scene.stop_clock(self._clock_fault(now, steady) if self._is_simulated else '')
         if self._warns_of_losses and not self._monitor.is_numbered:
             self._warns_of_losses = False
             self.get_logger().warning(
                 'this middleware does not number messages: what is lost on the way goes unseen')
         if not self._outputs.measures:
             self._outputs.measures = self._preparation.is_complete()
+
+    def _clock_fault(self, now: int, steady: float) -> str:
+        """Return why simulated time cannot be trusted, empty if it can."""
+        if not self.handle.get_count_publishers(self._clock_topic):
+            return f'{self._clock_topic} has no publisher, and use_sim_time is true'
+        if now and self._clock_watch.stands(now, steady, self._scene.settings.clock_timeout):
+            return (f'the clock stands still: {self._clock_topic} tells the same time, or comes '
+                    'no more')
+        return ''
 
     def destroy_node(self) -> None:
         """Stop the watchdog, notify systemd and destroy the node."""
@@ -294,9 +318,6 @@ class FootprintMonitor(Node):
                    if footprint.enabled for reason in self._scene.unknown_reasons(footprint.name)}
         for reason in sorted(reasons):
             self.get_logger().warning(f'unknown since the start: {reason}')
-        for _, advice in self._scene.source_summaries:
-            if advice:
-                self.get_logger().info(advice)
 
     def _log(self, rejections: Iterable[Rejection]) -> None:
         """Log rejected messages, once a second at most for each source and reason."""

@@ -108,8 +108,12 @@ class Receiver(Protocol):
     def tick(self, now: int) -> None:
         """Do what is due by time alone; `now` was read before the messages of this turn."""
 
-    def present(self) -> int:
-        """Return the present time in ns by the clock of the header stamps."""
+    def present(self, steady: float) -> int:
+        """
+        Return the present time in ns by the clock of the header stamps.
+
+        `steady` is what the steady clock reads, in s. Called before the messages of each turn.
+        """
 
 
 @dataclass
@@ -226,7 +230,7 @@ class Loop:
         ready, was_long = self._wait(waiting)
         begun = time.monotonic()
         late = begun - self._next_tick
-        present = self._receiver.present()
+        present = self._receiver.present(begun)
         are_alone = was_long and late < 0.0
         taken = 0
         now = begun

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import math
 import os
 import socket
 import threading
@@ -153,18 +154,17 @@ class ClockWatch:
     def __init__(self) -> None:
         self._reading: int | None = None
         self._since = 0.0
-        # By how much the clock was ahead of the steady one, in s.
-        self._ahead: float | None = None
+        # By how much the clock was ahead of the steady one, in s; unknown at first.
+        self._ahead = math.nan
 
-    def steps(self, reading: int, now: float, tolerance: float, is_simulated: bool) -> bool:
+    def steps(self, reading: int, now: float, tolerance: float) -> bool:
         """
         Return whether the clock was set by more than a tolerance in s since the last call.
 
-        `now` is the time of the steady clock in s. A simulated clock may run at any rate.
+        `now` is the time of the steady clock in s.
         """
-        before, self._ahead = self._ahead, None if is_simulated else reading / 1e9 - now
-        return before is not None and self._ahead is not None and (
-            abs(self._ahead - before) > tolerance)
+        before, self._ahead = self._ahead, reading / 1e9 - now
+        return abs(self._ahead - before) > tolerance
 
     def stands(self, reading: int, now: float, timeout: float) -> bool:
         """

@@ -47,7 +47,6 @@ _AGREEMENT = 10**9
 _AHEAD = 0.5
 _DISABLED = 'checking is disabled'
 _NO_CLOCK = 'no clock yet: the time reads 0, as with use_sim_time before the first /clock'
-_CLOCK_STANDS = 'the clock stands still: /clock tells the same time, or comes no more'
 _NO_SOURCE = 'no obstacle source is enabled'
 _NONE_OF_THEM = 'none of its obstacle sources is enabled'
 _NOT_RECEIVED = 'has not been received yet'
@@ -94,7 +93,8 @@ class Scene:
         self._now = 0
         # The latest time that was known when the clock stepped back.
         self._latest = 0
-        self._clock_stands = False
+        # Why the clock cannot be trusted; empty if it can.
+        self._clock_fault = ''
         # Whether contacts of footprints are decided; if not, only what is unknown is found.
         self.decides_contacts = decides_contacts
         self._contacts = (Contacts if decides_contacts else NoContacts)(settings.margin)
@@ -403,10 +403,10 @@ class Scene:
         self._sources[name].limit_frames(fault, deadline, self._now)
         self._follow_up(self._sources[name])
 
-    def stop_clock(self, stands: bool) -> None:
-        """Record whether the clock stands still, so that nothing can become too old."""
-        if stands != self._clock_stands:
-            self._clock_stands = stands
+    def stop_clock(self, fault: str) -> None:
+        """Record why the clock cannot be trusted: nothing may become too old; empty if it can."""
+        if fault != self._clock_fault:
+            self._clock_fault = fault
             self._reevaluate_all()
 
     def pass_time(self, now: int) -> None:
@@ -458,6 +458,12 @@ class Scene:
     def source_summaries(self) -> list[tuple[str, str]]:
         """What is known of each source, and how it would release obstacles sooner."""
         return [(source.summary, source.advice) for source in self._sources.values()]
+
+    @property
+    def advice(self) -> dict[str, str]:
+        """How sources that are known would release obstacles sooner, by their names."""
+        return {name: source.advice for name, source in self._sources.items()
+                if source.advice and source.knowledge.is_known}
 
     @property
     def source_faults(self) -> tuple[str, ...]:
@@ -626,7 +632,7 @@ class Scene:
     def _reevaluate_all(self) -> None:
         """Update the faults, and evaluate the footprints for which something has changed."""
         monitor_fault = (_DISABLED if not self.settings.enabled else _NO_CLOCK if not self._now
-                         else _CLOCK_STANDS if self._clock_stands else '')
+                         else self._clock_fault)
         causes = monitor_fault, self.settings, *(one.faults for one in self._sources.values())
         if causes != self._causes:
             self._causes = causes

@@ -179,8 +179,8 @@ class Source:
         self.stream.set_back(now)
         if self.timeout < NEVER:
             self.stream.interrupt()
-            self._begin_anew(now)
             self._count_from(now)
+            self._begin_anew(now)
             self.knowledge.since = 'since the clock was set'
         elif self._frame_deadline < NEVER:
             # It is by the clock of before.
@@ -278,8 +278,8 @@ class Source:
         elif stamp and stamp + self.timeout < self.knowledge.newest and not is_mark:
             # The clock of its publisher was set back.
             news = JOINED
-            self._begin_anew(now)
             self._count_from(now)
+            self._begin_anew(now)
         knowledge = self.knowledge
         if refusal and stamp is None:
             knowledge.refuse(refusal, now, is_read=False)
@@ -364,7 +364,7 @@ class Source:
 
     def _count_from(self, now: int) -> None:
         """Let all that was received before count from now: its times are of another clock."""
-        for group in self._former:
+        for group in self.store.groups:
             group.set_times(now)
 
     def _drop_former(self, all_of_them: bool = False) -> None:

@@ -47,7 +47,6 @@ class Recorder:
         self.batches = []
         self.backlogs = []
         self.ticks = 0
-        self.ticks_seen = []
 
     def receive(self, name, messages, now, number):
         for _ in messages:
@@ -63,9 +62,8 @@ class Recorder:
     def note_backlog(self, name, backlog):
         self.backlogs.append((name, backlog))
 
-    def tick(self, now, is_all_taken):
+    def tick(self, now):
         self.ticks += 1
-        self.ticks_seen.append((is_all_taken, self.names.count('flood')))
         self.names.append('tick')
         self.ticked = time.monotonic()
 
@@ -73,7 +71,10 @@ class Recorder:
         is_put_off = self.are_put_off and self.names[-1] != 'tick'
         return self.ticked + (10.0 if is_put_off else 0.05)
 
-    def present(self):
+    def note_matched(self, name, event):
+        return False
+
+    def present(self, steady):
         return time.time_ns()
 
 
@@ -170,21 +171,6 @@ def test_event_is_handled_at_once(looped):
     assert matched and receiver.ticks == 1
 
 
-def test_tick_knows_whether_messages_are_queued(looped):
-    """Queued messages may belong to a map that otherwise seems to settle."""
-    peer, looped = looped
-    receiver = Recorder(0.001)
-    arrive(peer, flood=200)
-    with looped(receiver) as one:
-        one.run(lambda: receiver.ticks_seen and receiver.ticks_seen[-1][0])
-        assert receiver.ticks_seen[-1][1] == 200
-        assert len(receiver.ticks_seen) > 3
-        del receiver.ticks_seen[:]
-        time.sleep(0.2)
-        one.run(lambda: len(receiver.ticks_seen) == 2)
-        assert [is_all_taken for is_all_taken, _ in receiver.ticks_seen] == [False, True]
-
-
 def test_long_messages_are_received_one_by_one(looped):
     """Each may take long to check, however many short ones were received together before."""
     peer, looped = looped
@@ -246,6 +232,30 @@ def test_stop_is_not_delayed_by_a_flood(looped):
     assert 0 < receiver.names.count('flood') < 50
 
 
+def topic(handle, receiver, events=(), depth=2000):
+    """Return a topic whose matched status gives some events, then none."""
+    subscription = SimpleNamespace(handle=handle, msg_type=PolygonStamped,
+                                   qos_profile=QoSProfile(depth=depth))
+    events = iter(events)
+    return loop._Topic(SimpleNamespace(name='flood', subscription=subscription, ends_rest=False,
+                                       matched=lambda: next(events, None)), receiver)
+
+
+@pytest.mark.parametrize('events, expected', [
+    ((None, None), ['receive']), (('came', None), ['came', 'receive']),
+    ((None, 'came'), ['came', 'receive_mixed'])])
+def test_batch_during_which_a_publisher_came_may_be_of_any(events, expected):
+    """One that came before the batch did not send it before that was known."""
+    queue = [(b'', {'publication_sequence_number': 7})]
+    calls = []
+    receiver = SimpleNamespace(
+        receive=lambda *_: calls.append('receive'), note_matched=lambda _, event: (
+            calls.append(event) or True), receive_mixed=lambda *_: calls.append('receive_mixed'))
+    handle = SimpleNamespace(pointer=1, take_message=lambda *_: queue and queue.pop() or None)
+    assert topic(handle, receiver, events).take_batch(4, 0) == 1
+    assert calls == expected
+
+
 @pytest.mark.parametrize('depth, expected', ((2000, 201), (50, 50)))
 def test_backlog_estimates_the_queued_messages(monkeypatch, depth, expected):
     """Messages arrived 1 ms apart, and the last one received is 0.2 s old."""
@@ -258,9 +268,7 @@ def test_backlog_estimates_the_queued_messages(monkeypatch, depth, expected):
         monotonic=time.monotonic,
         time_ns=lambda: taken[-1]['received_timestamp'] + 200 * 10**6))
     receiver = Recorder()
-    subscription = SimpleNamespace(handle=handle, msg_type=PolygonStamped,
-                                   qos_profile=QoSProfile(depth=depth))
-    loop._Topic(loop.Input('flood', subscription), receiver).take(0.0, 0)
+    topic(handle, receiver, depth=depth).take(0.0, 0)
     (name, backlog), = receiver.backlogs
     assert (name, backlog.seconds, backlog.messages) == ('flood', 0.2, expected)
 
@@ -414,14 +422,14 @@ class Prompter(Recorder):
         self.peer = peer
         self.sent = 0
 
-    def present(self):
+    def present(self, steady):
         arrive(self.peer, other=2)
         self.sent += 2
-        return super().present()
+        return super().present(steady)
 
-    def tick(self, now, is_all_taken):
-        assert not is_all_taken or self.names.count('other') == self.sent
-        super().tick(now, is_all_taken)
+    def tick(self, now):
+        assert self.names.count('other') == self.sent
+        super().tick(now)
 
 
 def test_messages_that_arrive_after_the_wait_are_received_before_a_tick(looped):
@@ -429,7 +437,7 @@ def test_messages_that_arrive_after_the_wait_are_received_before_a_tick(looped):
     peer, looped = looped
     receiver = Prompter(peer)
     with looped(receiver) as one:
-        one.run(lambda: sum(is_all_taken for is_all_taken, _ in receiver.ticks_seen) > 5)
+        one.run(lambda: receiver.ticks > 5)
 
 
 @pytest.mark.parametrize('rate', (5, 500))

@@ -17,9 +17,10 @@
 from functools import partial
 import itertools
 import time
+from types import SimpleNamespace
 
 from builders import serialised
-from harness import APART, box, ROBOT, SECOND, to_parameters, TOUCHING, values
+from harness import APART, box, health, LASTING, ROBOT, SECOND, to_parameters, TOUCHING, values
 import pytest
 import rclpy
 from rosgraph_msgs.msg import Clock
@@ -73,6 +74,19 @@ def test_stopped_clock_is_unknown(start):
     monitor.until(lambda: monitor.set_clock(next(stamps)) or monitor.state() == 'clear')
 
 
+def test_clock_without_a_publisher_is_unknown(start):
+    """The simulator has ended: time may go on without it."""
+    monitor = start(use_sim_time=True, clock_timeout=0.0, **LASTING)
+    monitor.set_clock(HOUR)
+    send_pair(monitor, APART, HOUR)
+    monitor.await_state('clear')
+    monitor.node.destroy_publisher(monitor._publishers.pop('/clock'))
+    monitor.until(lambda: '/clock has no publisher' in monitor.reason())
+    assert monitor.state() == 'unknown'
+    monitor.set_clock(HOUR)
+    monitor.await_state('clear')
+
+
 def test_states_are_published_while_the_clock_is_paused(start):
     monitor = start(use_sim_time=True)
     monitor.set_clock(HOUR)
@@ -84,19 +98,40 @@ def test_states_are_published_while_the_clock_is_paused(start):
     monitor.until(lambda: len(received) > count + 5, 'regular flags')
 
 
-def test_step_back_in_time_drops_everything(start):
-    """A recording starts again."""
-    monitor = start(use_sim_time=True, footprint__timeout=0.0, obstacle__timeout=60.0)
+@pytest.mark.parametrize('step', [-60, 3], ids=['back', 'ahead'])
+def test_clock_that_steps_drops_everything(start, step):
+    """A recording starts again, or its player skips a part; log and health tell it."""
+    monitor = start(use_sim_time=True, footprint__timeout=0.0, obstacle__timeout=2.0,
+                    future_tolerance=0.6)
     monitor.set_clock(HOUR)
     send_pair(monitor, TOUCHING, HOUR)
     monitor.await_state('collision')
-    monitor.set_clock(HOUR - 60 * SECOND)
+    later = HOUR + step * SECOND
+    monitor.set_clock(later, at_once=True)
     status = monitor.await_state('unknown')
     assert values(status)['age'] == ''
-    for tenths in (1, 2):
-        later = HOUR - 60 * SECOND + tenths * SECOND // 10
-        monitor.set_clock(later)
-        send_pair(monitor, APART, later)
+    monitor.logged('clock was set by more than future_tolerance')
+    monitor.until(lambda: health(monitor).get('the clock: steps beyond future_tolerance') == '1')
+    # What was told before counts for one timeout more.
+    for tenths, state in ((1, 'collision'), (10, 'collision'), (19, 'collision'), (21, 'clear')):
+        monitor.set_clock(later + tenths * SECOND // 10)
+        send_pair(monitor, APART, later + tenths * SECOND // 10)
+        monitor.await_state(state)
+
+
+def test_step_of_the_system_clock_begins_anew(start, monkeypatch):
+    """It was set by 5 s, as by NTP at the start of a robot without a battery for its clock."""
+    offset = 0
+    time_ns = time.time_ns
+    monkeypatch.setattr('sat_collision.node.footprint_monitor.time', SimpleNamespace(
+        **{**vars(time), 'time_ns': lambda: time_ns() + offset}))
+    monitor = start(future_tolerance=4.0, **LASTING)
+    monitor.become('clear', APART)
+    offset = 5 * SECOND
+    monitor.await_state('unknown')
+    monitor.until(lambda: 'since the clock was set' in monitor.reason())
+    for _ in range(2):
+        send_pair(monitor, APART, time_ns() + offset)
     monitor.await_state('clear')
 
 
@@ -152,13 +187,14 @@ def test_recording_played_without_simulated_time(start):
 
 
 def test_tick_is_due_at_the_next_deadline(domain):
-    """As when a map settles; not later, and not at once."""
+    """As when a source falls silent; not later, and not at once."""
     context = rclpy.Context()
     context.init(domain_id=domain)
     node = FootprintMonitor(context=context, parameter_overrides=to_parameters(
-        {'watchdog': 0.0, 'obstacle.timeout': 0.0, 'obstacle.settle_time': 0.1}))
-    now, steady = node.present(), time.monotonic()
-    node.tick(now, True)
+        {'watchdog': 0.0, 'obstacle.timeout': 0.1, 'obstacle.set_end': 'each_message'}))
+    steady = time.monotonic()
+    now = node.present(steady)
+    node.tick(now)
     node._monitor.update_publishers('obstacle', [Endpoint('its gid', '/mapper')])
     ticked = node._ticked
     assert node.due(now, steady) == ticked + 0.1, 'nothing changes by itself'

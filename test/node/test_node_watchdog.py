@@ -38,11 +38,11 @@ class Stall:
         self._tick = monitor.tick
         monitor.tick = self._hang
 
-    def _hang(self, now, is_all_taken):
+    def _hang(self, now):
         self.begun.set()
         self._released.wait()
         del self._monitor.tick
-        return self._tick(now, is_all_taken)
+        return self._tick(now)
 
     def release(self):
         self._released.set()

@@ -70,7 +70,7 @@ def test_live_node_and_replay_publish_the_same(start, tmp_path, name):
     stamps = []
     for stamp, messages in by_stamp(bag):
         monitor.set_clock(stamp)
-        wait(lambda: monitor.monitor.present() == stamp)
+        wait(lambda: monitor.monitor.get_clock().now().nanoseconds == stamp)
         for topic, data in messages:
             monitor.publisher(topic).publish(data)
             sent += 1

@@ -51,10 +51,10 @@ def test_only_footprints_that_changed_are_evaluated(stage, evaluated):
 
 def test_common_fault_evaluates_every_footprint_once(stage, evaluated):
     """A fault that is set again evaluates none."""
-    stage.scene.stop_clock(True)
+    stage.scene.stop_clock('the clock stands still')
     assert sorted(evaluated) == ['cart', 'robot']
     assert all('clock stands still' in stage.scene.state(name).reasons[0] for name in evaluated)
-    stage.scene.stop_clock(True)
+    stage.scene.stop_clock('the clock stands still')
     stage.wait_until(0.01)
     assert len(evaluated) == 2
 

@@ -284,11 +284,11 @@ class RunningMonitor(MonitorPeer):
         self._thread.start()
         super().__init__(domain)
 
-    def set_clock(self, stamp):
+    def set_clock(self, stamp, at_once=False):
         """
         Publish /clock, in ns, until the monitor's clock reads it.
 
-        It goes on to times of the next minute in small steps, to others at once.
+        It goes on to times of the next minute in small steps, to others `at_once`.
         """
         publisher = self.publisher('/clock', Clock)
 
@@ -296,7 +296,7 @@ class RunningMonitor(MonitorPeer):
             publisher.publish(Clock(clock=to_time(time)))
             self.spin()
             return self.monitor.get_clock().now().nanoseconds == time
-        while self._clock < stamp - SECOND // 2 < self._clock + 60 * SECOND:
+        while not at_once and self._clock < stamp - SECOND // 2 < self._clock + 60 * SECOND:
             self._clock += SECOND // 2
             self.until(lambda: reads(self._clock), 'a clock')
         self._clock = stamp

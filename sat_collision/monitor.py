@@ -16,19 +16,20 @@
 
 from __future__ import annotations
 
+from bisect import bisect
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TypeAlias
+from heapq import heappop, heappush
+from typing import NamedTuple, TypeAlias
 
-from sat_collision.messages.ingest import Batch, Ingest, Placement, WAIT, Wait
+from sat_collision.messages.ingest import Batch, Ingest, Placement, Wait
 from sat_collision.messages.outlines import Commands, Outlines
 from sat_collision.messages.rejections import Rejection
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.scene.frames import NoTransform
 from sat_collision.scene.scene import Scene
-from sat_collision.scene.settings import (
-    EACH_MESSAGE, FootprintSettings, NEVER, ObstacleSettings, Settings)
+from sat_collision.scene.settings import FootprintSettings, NEVER, ObstacleSettings, Settings
 from sat_collision.scene.streams import Endpoint
 
 # Max messages that wait for transforms: of a footprint; of a source in multiples of max_count.
@@ -85,8 +86,9 @@ class Monitor:
         self.rejected = self.ingest.rejected
         self.outlines = Outlines(settings, self.ingest, self.transforms, self.received)
         self.commands = Commands(settings, self.ingest, self.scene)
-        self.waiting = WaitingItems(self._take_waiting)
-        self._names_waiting: set[str] = set()
+        self.waiting = WaitingItems(self._take_waiting, self._take_early)
+        # The numbers of the first messages that wait, by name, as last told to the scene.
+        self._firsts: dict[str, int] = {}
         self._timeout = round(settings.transform_timeout * 1e9)
         self._tolerance = round(settings.future_tolerance * 1e9)
         self._now = 0
@@ -227,11 +229,12 @@ class Monitor:
         return rejections
 
     def _note_waiting(self) -> None:
-        """Tell the scene for which names messages wait."""
-        waiting = {*self.waiting.queues}
-        for name in waiting ^ self._names_waiting:
-            self.scene.wait(name, name in waiting)
-        self._names_waiting = waiting
+        """Tell the scene which messages wait."""
+        firsts = self.waiting.firsts
+        for name in firsts.keys() | self._firsts.keys():
+            if firsts.get(name) != self._firsts.get(name):
+                self.scene.wait(name, firsts.get(name, NEVER))
+        self._firsts = firsts
 
     def _request_maps(self, now: int) -> None:
         """Request maps again that were refused for lack of a transform, once there is one."""
@@ -278,6 +281,7 @@ class Monitor:
             if callable(item):
                 item()
         self._note_waiting()
+        self.ingest.follow_maps(self._now)
 
     def _admit(self, name: str, data: bytes, number: int | None,
                now: int) -> Sequence[Rejection]:
@@ -289,23 +293,23 @@ class Monitor:
             if number is not None:
                 self.scene.receive_number(name, number, now)
             return self.outlines.receive(name, data, now) + self._take_moved(now)
+        wait = None
         if name not in self.waiting:
             outcome = self.ingest.take(settings, data, number, now)
-            if outcome is not WAIT:
+            if not isinstance(outcome, Wait):
                 return [outcome] if outcome else _NOTHING
-        elif isinstance(settings, ObstacleSettings) and (
-                self.ingest.take_early(settings, data, now)) and settings.ending == EACH_MESSAGE:
-            # It replaces those that still wait.
-            return self._hold(settings, (data, number), now, 0)
-        return self._hold(settings, (data, number), now)
+            wait = outcome
+        return self._hold(settings, (data, number), now, wait)
 
-    def _hold(self, settings: FootprintSettings | ObstacleSettings, item: _Item, now: int,
-              limit: int | None = None) -> list[Rejection]:
+    def _hold(self, settings: FootprintSettings | ObstacleSettings, item: _Item,
+              now: int, wait: Wait | None = None) -> list[Rejection]:
         """Queue a message, or what happens to its stream after it."""
-        if limit is None:
-            limit = (_SETS_WAIT * settings.max_count if isinstance(settings, ObstacleSettings)
-                     else _FOOTPRINTS_WAIT)
-        rejections = self.waiting.add(settings.name, item, now, self._timeout, limit)
+        limit, ends = _FOOTPRINTS_WAIT, False
+        if isinstance(settings, ObstacleSettings):
+            limit = _SETS_WAIT * settings.max_count
+            ends = not callable(item) and self.ingest.ends_listing(settings, item[0])
+        rejections = self.waiting.add(
+            settings.name, _Held(item, now + self._timeout, ends), now, limit, wait)
         self._note_waiting()
         return rejections
 
@@ -319,78 +323,162 @@ class Monitor:
             return self.ingest.take(settings, *item, now, may_wait)
         return None
 
+    def _take_early(self, name: str, data: bytes, now: int, order: int) -> Wait | None:
+        """Let an obstacle count that is queued behind the first item, unless it has no place."""
+        settings = self.scene.settings_of(name)
+        if isinstance(settings, ObstacleSettings) and settings.enabled:
+            return self.ingest.take_early(settings, data, now, order)
+        return None
+
+
+class _Held(NamedTuple):
+    """A queued item."""
+
+    item: _Item
+    until: int  # when its wait ends, in ns
+    ends: bool  # whether it is a message that ends a listing
+
+
+class _Queue:
+    """Items in the order of their arrival, numbered, of which the first waits."""
+
+    def __init__(self, first: int) -> None:
+        self.first = first  # the number of the first item
+        self.items: deque[_Held] = deque()
+        self.size = 0  # in bytes
+        # The obstacles without a place, by frame a heap of stamp, number and bytes of each.
+        self._unplaced: dict[str, list[tuple[int, int, bytes]]] = {}
+
+    def append(self, held: _Held, wait: Wait | None) -> None:
+        """Add an item, with what its message waits for, if it does."""
+        if wait and not callable(held.item):
+            heap = self._unplaced.setdefault(wait.frame_id, [])
+            heappush(heap, (wait.stamp, self.first + len(self.items), held.item[0]))
+        self.items.append(held)
+        self.size += _size_of(held.item)
+
+    def pop(self) -> None:
+        """Drop the first item."""
+        self.size -= _size_of(self.items.popleft().item)
+        self.first += 1
+
+    def place(self, take: Callable[[bytes, int], Wait | None]) -> bool:
+        """Take obstacles by bytes and number while they have a place; return whether any had."""
+        is_any = False
+        for heap in self._unplaced.values():
+            while heap:
+                _, number, data = heap[0]
+                if number >= self.first and take(data, number):
+                    break
+                heappop(heap)
+                is_any = True
+        return is_any
+
+    @property
+    def replaced(self) -> int:
+        """How many of the first items a later listing replaces, all of which has its place."""
+        ends = [k for k, held in enumerate(self.items, self.first) if held.ends]
+        unplaced = sorted(k for heap in self._unplaced.values() for _, k, _ in heap)
+        for before, end in zip(reversed(ends[:-1]), reversed(ends)):
+            if bisect(unplaced, before) == bisect(unplaced, end):
+                return before + 1 - self.first
+        return 0
+
 
 class WaitingItems:
     """
     Queues of waiting items by name, each in order of arrival.
 
     `take` is called with a name, the first item, the present time in ns and whether it may go on
-    waiting; it returns WAIT if it does.
+    waiting; it returns a Wait if it does. `take_early` is called with the name, bytes and number
+    of a message behind the first one, which counts at once unless a Wait is returned. A listing
+    all of which has its place need not wait for those before it.
     """
 
-    def __init__(self, take: Callable[[str, _Item, int, bool], Rejection | Wait | None]) -> None:
+    def __init__(self, take: Callable[[str, _Item, int, bool], Rejection | Wait | None],
+                 take_early: Callable[[str, bytes, int, int], Wait | None]) -> None:
         self._take = take
-        # The items and until when they may wait, by name; none is empty.
-        self.queues: dict[str, deque[tuple[_Item, int]]] = {}
+        self._take_early = take_early
+        # By name; none is empty.
+        self._queues: dict[str, _Queue] = {}
+        self._count = 0
         # When the first of them must be taken.
         self.earliest = NEVER
-        # How many bytes wait, by name.
-        self._bytes: Counter[str] = Counter()
 
     def __contains__(self, name: object) -> bool:
         """Return whether something waits under this name."""
-        return name in self.queues
+        return name in self._queues
 
     def counts(self) -> dict[str, int]:
         """Return the number of waiting items by name."""
-        return {name: len(queue) for name, queue in self.queues.items()}
+        return {name: len(queue.items) for name, queue in self._queues.items()}
 
-    def add(self, name: str, item: _Item, now: int, timeout: int, limit: int) -> list[Rejection]:
-        """Let an item wait; beyond `limit` items, or too many bytes, the oldest are taken."""
-        queue = self.queues.setdefault(name, deque())
-        queue.append((item, now + timeout))
-        self._bytes[name] += _size_of(item)
+    @property
+    def firsts(self) -> dict[str, int]:
+        """The number of the first item by name."""
+        return {name: queue.first for name, queue in self._queues.items()}
+
+    def add(self, name: str, held: _Held, now: int, limit: int,
+            wait: Wait | None = None) -> list[Rejection]:
+        """
+        Let an item wait; beyond `limit` items, or too many bytes, the oldest are taken.
+
+        `wait` is what it waits for if it is the first one.
+        """
+        queue = self._queues.get(name)
+        if queue is None:
+            queue = self._queues[name] = _Queue(self._count)
+        elif not callable(held.item):
+            wait = self._take_early(name, held.item[0], now, queue.first + len(queue.items))
+        self._count += 1
+        queue.append(held, wait)
+        self.earliest = min(self.earliest, queue.items[0].until)
         rejections: list[Rejection] = []
-        while len(queue) > limit or len(queue) > 1 and self._bytes[name] > _BYTES_WAIT:
+        excess = max(len(queue.items) - limit, queue.replaced if held.ends and not wait else 0)
+        taken = 0
+        while taken < excess or len(queue.items) > 1 and queue.size > _BYTES_WAIT:
             self._take_first(name, now, False, rejections)
-        if not queue:
-            del self.queues[name]
-        self._find_earliest()
-        return rejections
+            taken += 1
+        return rejections + self.take(now) if taken else rejections
 
     def take(self, now: int) -> list[Rejection]:
         """Take the items that need not wait any more."""
         rejections: list[Rejection] = []
-        for name, queue in [*self.queues.items()]:
-            while queue and self._take_first(name, now, now <= queue[0][1], rejections):
-                pass
-            if not queue:
-                del self.queues[name]
-        self._find_earliest()
+        for name, queue in [*self._queues.items()]:
+            while self._take_placed(name, queue, now, rejections):
+                for _ in range(queue.replaced):
+                    self._take_first(name, now, False, rejections)
+            if not queue.items:
+                del self._queues[name]
+        self.earliest = min((queue.items[0].until for queue in self._queues.values()),
+                            default=NEVER)
         return rejections
 
     def drop(self) -> list[_Item]:
         """Drop all that waits and return it."""
-        dropped = [item for queue in self.queues.values() for item, _ in queue]
-        self.queues.clear()
-        self._bytes.clear()
+        dropped = [held.item for queue in self._queues.values() for held in queue.items]
+        self._queues.clear()
         self.earliest = NEVER
         return dropped
+
+    def _take_placed(self, name: str, queue: _Queue, now: int,
+                     rejections: list[Rejection]) -> bool:
+        """Take first items, and let others count; return whether a listing may have its place."""
+        while queue.items and self._take_first(name, now, now <= queue.items[0].until, rejections):
+            pass
+        return queue.place(lambda data, order: self._take_early(name, data, now, order))
 
     def _take_first(self, name: str, now: int, may_wait: bool,
                     rejections: list[Rejection]) -> bool:
         """Take the first item of a name, if it need not wait; return whether it was taken."""
-        queue = self.queues[name]
-        outcome = self._take(name, queue[0][0], now, may_wait)
+        queue = self._queues[name]
+        outcome = self._take(name, queue.items[0].item, now, may_wait)
         if isinstance(outcome, Wait):
             return False
-        self._bytes[name] -= _size_of(queue.popleft()[0])
+        queue.pop()
         if outcome is not None:
             rejections.append(outcome)
         return True
-
-    def _find_earliest(self) -> None:
-        self.earliest = min((queue[0][1] for queue in self.queues.values()), default=NEVER)
 
 
 def _size_of(item: _Item) -> int:

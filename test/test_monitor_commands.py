@@ -32,7 +32,8 @@ from shapely.geometry import Polygon
 OUTLINE = (-0.5, -0.25, 0.5, -0.25, 0.5, 0.25, -0.5, 0.25)
 ROBOT = FootprintSettings('robot', TF, points=OUTLINE, frame_id='base', rate=1000.0,
                           cmd_vel='/cmd_vel')
-MAP = ObstacleSettings('map', '/map', type='polygon_instance', timeout=0.0)
+MAP = ObstacleSettings('map', '/map', type='polygon_instance', timeout=0.0,
+                       set_end='empty_polygon')
 
 
 class Driven(World):
@@ -59,7 +60,7 @@ class Driven(World):
         states = States('/node', self.settings)
         states.write('robot', self.state(), 0.0)
         states.write_moving('robot', None, None, {}, ('', None), self.scene.velocity('robot'),
-                            self.prediction)
+                            self.prediction, ())
         states.write('robot', self.state(), 0.0)
         return {one.key: one.value for one in states.statuses[0].values}['velocity']
 

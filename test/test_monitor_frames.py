@@ -18,20 +18,22 @@ from dataclasses import replace
 import math
 
 from builders import box, serialised, transforms
-from monitors import nanoseconds, START, World
+from monitors import BOW_TIE, CIRCLE, nanoseconds, START, World
 import pytest
-from sat_collision.messages.ingest import WAIT
 from sat_collision.messages.transform_listener import TF, TF_STATIC
-from sat_collision.monitor import Monitor, WaitingItems
+from sat_collision.monitor import Monitor
 from sat_collision.scene import frames
 from sat_collision.scene.frames import BAD_TRANSFORM
-from sat_collision.scene.settings import FootprintSettings, NEVER, ObstacleSettings, Settings
+from sat_collision.scene.obstacles import ObstacleId
+from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 from sat_collision.scene.streams import Endpoint
 
 SETTINGS = Settings(
     frame_id='odom', footprints=(FootprintSettings('robot', '/footprint'),),
     obstacles=(ObstacleSettings('lidar', '/polygons', type='polygon_instance', max_count=5),))
-SETS = replace(SETTINGS, obstacles=(ObstacleSettings('lidar', '/polygons', timeout=5.0),))
+SETS = replace(SETTINGS, obstacles=(
+    ObstacleSettings('lidar', '/polygons', timeout=5.0, set_end='empty_polygon'),))
+MAP = replace(SETS, obstacles=(replace(SETS.obstacles[0], timeout=0.0),))
 
 
 class Robot(World):
@@ -39,26 +41,23 @@ class Robot(World):
     The monitor of a robot whose fixed frame is odom.
 
     The robot moves along x at 1 m/s from 0 at 0 s and is a box of 1 m; its laser, 1 m ahead of
-    its origin, is rotated to the left.
+    its origin, is rotated to the left. With the default settings the source is known, and empty.
     """
 
     def __init__(self, settings=SETTINGS):
         super().__init__(settings)
+        for self.time in (-3.1, -1.5, 0.0) if settings is SETTINGS else ():
+            self.see((), self.time)
         self.receive_transforms(TF_STATIC, ('base', 'laser', 0, 1.0, 0.0, math.pi / 2))
 
-    def move(self, time, x=None):
-        """Receive the transform of the base at a time."""
+    def move(self, time, x=None, child='base'):
+        """Receive the transform of the base, or of another frame, at a time."""
         x = time if x is None else x
-        self.receive_transforms(TF, ('odom', 'base', nanoseconds(time), x, 0.0))
+        self.receive_transforms(TF, ('odom', child, nanoseconds(time), x, 0.0))
 
     def stand(self, x, time=None):
         """Send a footprint in the fixed frame."""
         assert self.send('robot', box(x), time) is None
-
-    def know_all(self):
-        """Make the source known by messages that span its timeout."""
-        for time in (self.time - 2.0, self.time):
-            self.see((), time)
 
     def see(self, points, time, frame_id='laser', instance=1):
         return self.send('lidar', points, time, frame_id, instance)
@@ -77,7 +76,7 @@ def robot():
         robot.move(k / 10)
     robot.wait_until(1.0)
     robot.stand(0)
-    robot.know_all()
+    robot.see((), 1.0)
     return robot
 
 
@@ -95,7 +94,6 @@ def test_footprint_in_a_moving_frame_is_placed():
     robot.move(0.5)
     robot.move(1.0)
     robot.time = 1.0
-    robot.know_all()
     robot.send('robot', box(0), 0.5, 'base')
     robot.see(box(1.75), 1.0, 'odom')
     assert robot.status() == 'clear'
@@ -134,15 +132,134 @@ def test_message_waits_for_its_transform(robot):
     assert robot.seen == [pytest.approx((10.05, 0, 11.05, 1))]
 
 
-def test_messages_wait_in_order(robot):
-    """The second one needs no transform, but waits behind the first."""
+def test_obstacle_behind_a_waiting_one_counts_once_it_has_a_place(robot):
+    """At once, or by its own transform; ids without meaning, 0, do not replace each other."""
     robot.wait_until(1.05)
-    robot.see(box(9), 1.04, 'base')
-    robot.see(box(0), 1.05, 'odom')
-    assert robot.seen == []
-    robot.wait_until(1.1)
+    robot.see(box(9), 1.05, 'camera')
+    for x, instance in ((20, 0), (21, 0), (0.5, 7)):
+        robot.see(box(x), 1.05, 'odom', instance)
+    assert robot.state().contacts == (ObstacleId('lidar', 7),)
+    assert [x for x, *_ in robot.seen] == [20, 21, 0.5]
+    robot.see(box(-1), 1.05, 'base', 8)
+    assert len(robot.seen) == 3
     robot.move(1.1)
-    assert robot.seen == [(0, 0, 1, 1)]
+    assert len(robot.seen) == 4 and 'lidar' in robot.monitor.waiting
+    assert robot.state().contacts == (ObstacleId('lidar', 7), ObstacleId('lidar', 8))
+
+
+@pytest.mark.parametrize('points', [BOW_TIE, CIRCLE])
+def test_refused_message_behind_a_waiting_one_counts_at_once(robot, points):
+    robot.wait_until(1.05)
+    robot.see(box(9), 1.05, 'camera')
+    robot.see(points, 1.05, 'odom', 2)
+    assert 'sent what was refused' in robot.state().reasons[0]
+
+
+def test_obstacle_that_was_queued_is_not_held_beside_itself(robot):
+    """Even if something always waits: it goes where its newest message says."""
+    for k in range(1, 20):
+        robot.wait_until(1.0 + k / 20)
+        robot.see(box(30), 1.0 + k / 20, 'base', 2)
+        robot.see(box(0.5 if k < 5 else 9), 1.0 + k / 20, 'odom')
+        robot.move(1.0 + (k - 1) / 20 + 0.01)
+        assert 'lidar' in robot.monitor.waiting
+        assert len(robot.seen) <= 4
+    robot.stand(0)
+    assert robot.status() == 'clear'
+
+
+def test_obstacles_that_count_while_queued_are_bounded(robot):
+    """By max_count, 5; beyond it the source is unknown until they were received."""
+    robot.wait_until(1.05)
+    robot.see(box(9), 1.05, 'camera')
+    for k in range(6):
+        robot.see(box(20 + k), 1.05, 'odom', 2 + k % 4)
+    assert len(robot.seen) == 5 and 'too many obstacles' in robot.state().reasons[0]
+
+
+MARKS = {'timeout': 5.0, 'set_end': 'empty_polygon'}
+
+
+@pytest.mark.parametrize('source', [MARKS, {**MARKS, 'timeout': 0.0}, {'set_end': 'each_message'}],
+                         ids=['marks', 'map', 'each message'])
+def test_later_whole_listing_needs_only_its_own_bodies_placed(source):
+    """Also where the transform of its last one comes later; the body without one is refused."""
+    for frame in 'odom', 'base':
+        robot = Robot(replace(SETTINGS, obstacles=(
+            ObstacleSettings('lidar', '/polygons', **source),)))
+        robot.stand(0)
+        robot.see(box(20), 0.0, 'camera', None)
+        if source['set_end'] == 'empty_polygon':
+            robot.see((), 0.0, 'odom', None)
+            robot.see(box(21), 0.0, 'odom', None)
+        robot.see(box(22), 0.0, frame, None)
+        if source['set_end'] == 'empty_polygon':
+            assert robot.status() == 'unknown', 'its mark may end less than all'
+            robot.see((), 0.0, 'odom', None)
+        if frame == 'base':
+            assert robot.status() == 'unknown' and not robot.reasons
+            robot.move(0.0)
+        assert robot.status() == 'clear' and 'lidar' not in robot.monitor.waiting
+        assert robot.reasons == [frames.UNKNOWN_FRAME]
+        assert len(robot.seen) == (2 if source['set_end'] == 'empty_polygon' else 1)
+
+
+def test_map_is_unknown_while_a_part_of_it_waits():
+    """What waits may be in contact."""
+    robot = Robot(MAP)
+    robot.stand(0)
+    robot.see(box(9), 0.0, 'odom', None)
+    robot.see((), 0.0, 'odom', None)
+    assert robot.status() == 'clear'
+    robot.see(box(0), 0.0, 'base', None)
+    assert 'waits for the transform' in robot.state().reasons[0]
+    robot.move(0.0, 30.0)
+    assert robot.status() == 'clear'
+
+
+def map_robot(*link):
+    """Return a robot with a map that a frame with this transform has 50 m ahead of it."""
+    robot = Robot(MAP)
+    robot.stand(0)
+    robot.receive_transforms(*link)
+    robot.see(box(0), 0.0, link[1][1], None)
+    robot.see((), 0.0, 'odom', None)
+    assert robot.status() == 'clear'
+    return robot
+
+
+def test_map_follows_a_static_frame_that_is_corrected():
+    robot = map_robot(TF_STATIC, ('odom', 'site', 0, 50.0, 0.0))
+    robot.receive_transforms(TF_STATIC, ('odom', 'site', 0, 0.5, 0.0))
+    assert robot.status() == 'collision' and robot.seen == [(0.5, 0, 1.5, 1)]
+    robot.wait_until(9.0)
+    robot.stand(0)
+    assert robot.status() == 'collision'
+
+
+def test_map_follows_a_moving_frame_and_is_unknown_without_it():
+    """Once the last transform is older than the footprint's timeout, 1 s, and at a reset."""
+    robot = map_robot(TF, ('odom', 'site', START, 50.0, 0.0))
+    robot.wait_until(1.0)
+    robot.stand(0)
+    assert robot.status() == 'clear'
+    robot.wait_until(1.001)
+    assert 'frame whose transform is too old' in robot.state().reasons[0]
+    robot.wait_until(1.2)
+    robot.move(1.1, 40.0, 'site')
+    assert robot.status() == 'clear' and robot.seen == [(40, 0, 41, 1)]
+    robot.move(1.2, 0.0, 'site')
+    assert robot.status() == 'collision'
+    robot.wait_until(-3.0)
+    robot.stand(20)
+    assert 'is a map in another frame' in robot.state().reasons[0]
+
+
+def test_mark_is_never_refused_for_its_frame():
+    for frame in '', 'a' * 256, 'elsewhere':
+        robot = Robot(SETS)
+        robot.stand(0)
+        assert robot.see((), 0.0, frame, None) is None and robot.status() == 'clear'
 
 
 def test_waiting_ends_after_transform_timeout(robot):
@@ -159,8 +276,7 @@ def test_waiting_ends_after_transform_timeout(robot):
         'lidar: a message on /polygons was rejected, no transform: no transform from laser to odom'
         ' at its stamp: the newest of base is 0.05 s older; ')
     assert robot.monitor.scene.state('robot').reasons == (
-        'obstacle source lidar on /polygons has not sent a whole set since a message was '
-        'refused: no transform',)
+        'obstacle source lidar on /polygons sent what was refused: no transform',)
     robot.move(1.3)
     robot.see(box(9), 1.25, 'laser')
     assert robot.status() == 'clear'
@@ -303,8 +419,7 @@ def test_change_of_publishers_waits_for_their_messages():
 
 def test_messages_of_any_publisher_end_nothing_even_if_they_wait():
     """They came while a second publisher was matched, in a frame whose transform is late."""
-    robot = Robot(replace(SETTINGS, obstacles=(
-        ObstacleSettings('lidar', '/polygons', timeout=5.0, set_end='empty_polygon'),)))
+    robot = Robot(SETS)
     robot.stand(0)
     batch = [serialised(points, robot.now, 'base') for points in ((), box(9), ())]
     robot.monitor.receive_mixed('lidar', batch, robot.now)
@@ -331,7 +446,8 @@ def test_change_of_publishers_is_not_dropped_when_time_steps_back():
     ('laser', TF, ('odom', 'base')), ('map', TF_STATIC, ('odom', 'map'))])
 def test_map_is_requested_again_once_its_transform_has_come(frame_id, topic, link):
     """A latched map is sent only once, and at the start transforms may come later."""
-    robot = Robot(replace(SETTINGS, obstacles=(replace(SETTINGS.obstacles[0], timeout=0.0),)))
+    robot = Robot(replace(SETTINGS, obstacles=(
+        replace(SETTINGS.obstacles[0], timeout=0.0, set_end='empty_polygon'),)))
     robot.see(box(9), 'none', frame_id)
     robot.wait_until(5.0)
     robot.see((), 'none', frame_id)
@@ -366,17 +482,21 @@ def test_step_back_in_time_drops_waiting_messages_and_transforms(robot):
     assert 'lidar' in robot.monitor.waiting
     robot.move(0.0, 100.0)
     assert robot.seen == [(109, 0, 110, 1)]
-    robot.stand(0)
+    for time in (1.5, 3.1):
+        assert robot.status() == 'unknown'
+        robot.wait_until(time)
+        robot.see(box(9), time, 'odom')
+        robot.stand(0)
     assert robot.status() == 'clear' and not robot.rejections
 
 
 def test_step_back_is_noticed_by_the_first_message(robot):
     """It is not placed by transforms from before the step."""
-    robot.time = 0.5
-    robot.see(box(9), 0.5, 'base')
+    robot.time = -0.5
+    robot.see(box(9), -0.5, 'base')
     assert robot.seen == [] and 'lidar' in robot.monitor.waiting
-    robot.wait_until(0.6)
-    robot.move(0.5, 50.0)
+    robot.wait_until(-0.4)
+    robot.move(-0.5, 50.0)
     assert robot.seen == [(59, 0, 60, 1)]
 
 
@@ -465,38 +585,3 @@ def test_two_publishers_of_a_frame_are_noticed(robot):
     for number in (4, 100, 5, 101, 6):
         listener.receive(TF, transforms(('odom', 'base', robot.now, 0, 0)), robot.now, number)
     assert listener.turns == {'base': 3}
-
-
-class Receiver:
-    """Accepts numbers up to `ready` and records them."""
-
-    def __init__(self):
-        self.ready = 0
-        self.taken = []
-        self.waiting = WaitingItems(self.take)
-
-    def take(self, name, item, now, may_wait):
-        if item > self.ready and may_wait:
-            return WAIT
-        self.taken.append((name, item))
-        return f'{item} timed out' if item > self.ready else None
-
-
-def test_waiting_messages_time_out_one_by_one():
-    receiver = Receiver()
-    receiver.waiting.add('a', 5, 0, 10, 9)
-    receiver.waiting.add('a', 6, 4, 10, 9)
-    assert receiver.waiting.earliest == 10
-    assert receiver.waiting.take(10) == []
-    assert receiver.waiting.take(11) == ['5 timed out']
-    assert receiver.waiting.earliest == 14
-    assert receiver.waiting.take(15) == ['6 timed out']
-    assert receiver.waiting.earliest == NEVER
-
-
-def test_dropped_messages_are_not_received():
-    receiver = Receiver()
-    receiver.waiting.add('a', 5, 0, 10, 9)
-    receiver.waiting.drop()
-    assert receiver.waiting.take(99) == receiver.taken == []
-    assert receiver.waiting.earliest == NEVER and 'a' not in receiver.waiting

@@ -29,7 +29,7 @@ SETTINGS = Settings(
     footprints=(FootprintSettings('robot', '/footprint', timeout=0.0),
                 FootprintSettings('cart', TF, timeout=0.0, frame_id='base', rate=1000.0,
                                   points=POINTS)),
-    obstacles=(ObstacleSettings('seen', '/obstacles', type='polygon_instance', timeout=0.0),))
+    obstacles=(ObstacleSettings('seen', '/obstacles', type='polygon_instance', timeout=60.0),))
 NAMES = {'/footprint': 'robot', '/obstacles': 'seen'}
 
 
@@ -38,9 +38,11 @@ class Playback:
 
     def __init__(self, events):
         self.monitor = Monitor(SETTINGS, transforms=True)
-        self.rejections = self.monitor.advance(START)
-        # An empty map, so that the source is known from the start.
-        self.monitor.receive('seen', serialised((), START, FIXED, 0), START, 1)
+        self.rejections = self.monitor.advance(START - 70 * 10**9)
+        # The source is known from the start, by messages over its timeout and future_tolerance.
+        for ago in (61.1, 30.0, 0.0):
+            time = START - round(ago * 1e9)
+            self.monitor.receive('seen', serialised((), time, FIXED, 0), time)
         self._events = list(reversed(events))
 
     def until(self, time):
@@ -67,12 +69,16 @@ class Playback:
         return {obstacle.key for obstacle in self.monitor.scene.state(name).contacts}
 
     def check_contacts(self):
-        """Compare the contacts of each footprint with exact ones of the stored vertices."""
-        bodies = self.bodies
-        for name in {'robot', 'cart'} & bodies.keys():
+        """
+        Compare the contacts of each footprint with exact ones of the stored vertices.
+
+        An obstacle that is queued behind one that waits counts beside the last one of its id.
+        """
+        scene = self.monitor.scene
+        for name, polygon in scene.footprints:
             assert self.contacts(name) == {
-                other for other in bodies.keys() - {'robot', 'cart'}
-                if oracle.intersects(bodies[name], bodies[other])}
+                obstacle.key for obstacle, other in scene.obstacles
+                if oracle.intersects(polygon.vertices, other.vertices)}
 
 
 def near(vertices, truth):

@@ -27,7 +27,8 @@ from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Se
 
 ROBOT = FootprintSettings('robot', TF, points=(-0.5, -0.5, 0.5, -0.5, 0.5, 0.5, -0.5, 0.5),
                           frame_id='base', rate=1000.0)
-SOURCE = ObstacleSettings('lidar', '/polygons', type='polygon_instance', timeout=0.0)
+SOURCE = ObstacleSettings('lidar', '/polygons', type='polygon_instance', timeout=0.0,
+                          set_end='empty_polygon')
 
 
 class OutlineWorld(World):
@@ -238,8 +239,9 @@ def test_outline_follows_odometry():
 
 def test_odometry_places_obstacles_in_the_robots_frame():
     """Without /tf; a later stamp waits for the next message."""
-    odometer = replace(ROBOT, topic='/odom', odometry='/odom')
-    world = OutlineWorld(odometer, transforms=False)
+    world = World(Settings(
+        frame_id='odom', footprints=(replace(ROBOT, topic='/odom', odometry='/odom'),),
+        obstacles=(replace(SOURCE, timeout=2.0),)), transforms=False)
     world.receive_odometry(0.1, 1.0, 2.0)
     world.time = 0.15
     world.monitor.receive('lidar', serialised(box(0.25), world.now, 'base', 0), world.now)
@@ -313,8 +315,8 @@ def test_velocity_by_transforms():
     twist, pose, origin = world.scene.velocity('robot')
     assert twist[2] == pytest.approx(0.5) and pose == pytest.approx((0.3, 0.0, 0.0))
     assert math.hypot(*twist[:2]) == pytest.approx(1.0, rel=1e-3) and origin == 'transforms'
-    world.wait_until(0.1)
-    world.move(0.2, 5.0)
+    world.wait_until(-1.0)
+    world.move(-0.9, 5.0)
     assert world.scene.velocity('robot') == ''
 
 

@@ -27,7 +27,9 @@ from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Se
 from shapely import affinity
 from shapely.geometry import Polygon
 
-MAP = ObstacleSettings('map', '/map', type='polygon_instance', timeout=0.0)
+MAP = ObstacleSettings('map', '/map', type='polygon_instance', timeout=0.0,
+                       set_end='empty_polygon')
+TRACKS = replace(MAP, timeout=10.0, set_end='none', moving=True)
 DOCK = replace(MAP, name='dock', topic='/dock')
 ROBOT = [(-0.5, -0.5), (0.5, -0.5), (0.7, 0.0), (0.5, 0.5), (-0.5, 0.5)]
 # Error of a position a horizon ahead, by rounding to float32 and the prediction's tolerance, in m.
@@ -41,8 +43,12 @@ class Predicted(World):
                  **footprint):
         super().__init__(Settings(
             footprints=(FootprintSettings('robot', '/robot', **footprint),),
-            obstacles=(replace(MAP, moving=moving), DOCK), horizon=horizon,
+            obstacles=(TRACKS if moving else MAP, DOCK), horizon=horizon,
             release_delay=release_delay, margin=margin), False, True)
+        if moving:
+            # The tracks are known after their timeout and future_tolerance.
+            for time in (-11.1, -5.0, 0.0):
+                self.see(time, ())
         self.send_map('map', *bodies)
         self.send_map('dock', *dock)
 
@@ -56,7 +62,7 @@ class Predicted(World):
         for time in times:
             self.place(time, [(x + speed * time, v + y) for x, v in ROBOT])
 
-    def see(self, time, points, key=0, age=0.0):
+    def see(self, time, points, key=1, age=0.0):
         """Receive an obstacle with an id and an age."""
         self.wait_until(time)
         self.send('map', points, time - age, instance=key)
@@ -76,7 +82,7 @@ def test_time_is_counted_from_now():
     world.drive(0.0)
     assert world.status() == 'clear' and world.prediction is None
     world.drive(0.1)
-    assert world.prediction[:2] == (pytest.approx(1.9, abs=1e-3), ObstacleId('map', 1))
+    assert world.prediction[:2] == (pytest.approx(1.9, abs=1e-3), ObstacleId('map', 2))
     assert world.prediction.velocity.origin == 'footprints'
     world.wait_until(0.5)
     assert world.seconds == pytest.approx(1.5, abs=1e-3)
@@ -94,7 +100,7 @@ def test_time_is_0_in_contact_and_after_predicted_contact():
     world = Predicted([AHEAD])
     world.drive(2.25)
     assert world.status() == 'collision'
-    assert world.prediction == (0.0, ObstacleId('map', 0), None, 0.0, ())
+    assert world.prediction == (0.0, ObstacleId('map', 1), None, 0.0, ())
 
 
 def test_time_until_within_the_margin():
@@ -124,7 +130,7 @@ def test_only_monitored_sources_count():
     assert world.seconds == math.inf
     world.monitor.update(replace(world.settings, footprints=(
         replace(world.settings.footprints[0], obstacles=()),)))
-    assert world.prediction[:2] == (pytest.approx(1.9, abs=1e-3), ObstacleId('dock', 0))
+    assert world.prediction[:2] == (pytest.approx(1.9, abs=1e-3), ObstacleId('dock', 1))
 
 
 def test_no_prediction_while_unknown_or_not_requested():
@@ -219,19 +225,20 @@ def test_moving_obstacle():
     """At first 4.05 m apart, approaching at 2 m/s; messages have different ages."""
     world = Predicted([walker(0.0)], moving=True)
     world.drive(0.0, 0.1)
-    assert world.prediction.unknown == (ObstacleId('map', 0),) and not world.prediction.is_known
+    assert world.prediction.unknown == (ObstacleId('map', 1),) and not world.prediction.is_known
     world.see(0.2, walker(0.2))
-    assert world.prediction[:2] == (pytest.approx(1.825, abs=1e-3), ObstacleId('map', 0))
+    assert world.prediction[:2] == (pytest.approx(1.825, abs=1e-3), ObstacleId('map', 1))
     assert world.prediction.is_known
     world.see(0.6, walker(0.4), age=0.2)
     assert world.seconds == pytest.approx(1.425, abs=1e-3)
     world.drive(0.9)
     assert world.seconds == pytest.approx(1.125, abs=1e-3)
-    world.monitor.update(replace(world.settings, obstacles=(MAP, DOCK)))
+    world.monitor.update(replace(world.settings, obstacles=(
+        replace(TRACKS, moving=False), DOCK)))
     assert world.seconds == pytest.approx(2.75, abs=1e-3) and world.prediction.is_known
     world.see(1.0, walker(1.0))
     world.monitor.update(world.settings)
-    assert world.prediction.unknown == (ObstacleId('map', 0),)
+    assert world.prediction.unknown == (ObstacleId('map', 1),)
 
 
 @pytest.mark.parametrize('next_one', [
@@ -240,14 +247,14 @@ def test_moving_obstacle():
 def test_obstacles_of_unknown_motion_are_listed(next_one):
     """The flag is raised by the other obstacles."""
     world = Predicted([walker(0.0), AHEAD], moving=True, min_time_to_collision=3.0)
-    world.see(0.1, AHEAD, 1)
-    world.see(0.2, AHEAD, 1)
+    world.see(0.1, AHEAD, 2)
+    world.see(0.2, AHEAD, 2)
     world.see(0.2, walker(0.2))
     world.drive(0.1, 0.25)
     assert world.prediction.is_known
     world.see(0.3, next_one)
-    assert world.prediction.unknown == (ObstacleId('map', 0),)
-    assert world.prediction[:2] == (pytest.approx(1.7, abs=1e-3), ObstacleId('map', 1))
+    assert world.prediction.unknown == (ObstacleId('map', 1),)
+    assert world.prediction[:2] == (pytest.approx(1.7, abs=1e-3), ObstacleId('map', 2))
     assert world.status() == 'imminent'
 
 
@@ -255,11 +262,11 @@ def test_velocity_of_an_obstacle_is_used_for_two_seconds():
     """One at rest stays at rest."""
     world = Predicted([walker(0.0), FAR], moving=True, timeout=9.0)
     world.see(0.1, walker(0.1))
-    world.see(0.1, FAR, 1)
+    world.see(0.1, FAR, 2)
     world.drive(2.0, 2.05)
     assert world.prediction.is_known
     world.drive(2.15)
-    assert world.prediction.unknown == (ObstacleId('map', 0),)
+    assert world.prediction.unknown == (ObstacleId('map', 1),)
 
 
 def test_slow_obstacle_with_a_fast_footprint_or_a_wide_margin():
@@ -297,7 +304,7 @@ def test_no_time_is_late_among_many_moving_obstacles(seed):
     for time in (0.25, 0.375, 0.5):
         for k, ((body, velocity), stamp) in enumerate(zip(bodies, stamps)):
             if time == stamp:
-                world.see(time, body + velocity * stamp, k)
+                world.see(time, body + velocity * stamp, k + 1)
     offset = np.array((where_from, where_from))
     own = Polygon(np.array(ROBOT))
     for time in (0.5, 0.625):
@@ -347,14 +354,14 @@ def test_no_time_is_late_and_none_is_given_while_unknown(seed):
         if event == 'gap':
             time += rng.uniform(0.0, 2.5)
         elif event == 'back':
-            time, last = max(time - rng.uniform(0.3, 1.0), 0.01), []
+            time, last = max(time - rng.uniform(1.3, 2.0), 0.01), []
             world.wait_until(time)
         elif event == 'turn':
             # Earlier positions do not fit the new motion.
             twist, last = (*rng.uniform(-1.5, 1.5, 2), rng.uniform(-1.5, 1.5)), []
             world.wait_until(time := time + 2.1)
         for key in np.flatnonzero(rng.uniform(0.0, 1.0, 6) < 0.9 * (seed % 2)).tolist():
-            world.see(time, list(places(time)[key].exterior.coords)[:-1], key)
+            world.see(time, list(places(time)[key].exterior.coords)[:-1], key + 1)
         place = where(outline, twist, time)
         points = list(place.exterior.coords)[:-1]
         if event == 'shape':

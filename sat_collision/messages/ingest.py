@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-import enum
 from functools import partial
 from itertools import accumulate, pairwise
 from typing import Any, cast, NamedTuple
@@ -41,8 +40,8 @@ from sat_collision.scene.frames import LONGEST_FRAME_ID, Mapped, NoTransform
 from sat_collision.scene.obstacle_store import Polygons, Shape
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import (
-    CommandSettings, FootprintSettings, NEVER, ObstacleSettings, POLYGON, POLYGON_2D,
-    POLYGON_COLLECTION, POLYGON_INSTANCE, Settings)
+    CommandSettings, EACH_MESSAGE, EMPTY_POLYGON, FootprintSettings, NEVER, ObstacleSettings,
+    POLYGON, POLYGON_2D, POLYGON_COLLECTION, POLYGON_INSTANCE, Settings)
 from sat_collision.scene.velocity import Velocity
 
 # Max vertices that plain Python cuts into convex parts and measures in time, see
@@ -57,13 +56,11 @@ _DECODERS: dict[str, Callable[[bytes], tuple[int, str, Any, int | None]]] = {
     POLYGON_COLLECTION: decode_collection, POLYGON_INSTANCE: partial(decode, instance=True)}
 
 
-class Wait(enum.Enum):
-    """The outcome of a message that must go on waiting."""
+class Wait(NamedTuple):
+    """The outcome of a message that must go on waiting: for a transform of a frame at a stamp."""
 
-    WAIT = 'wait'
-
-
-WAIT = Wait.WAIT
+    frame_id: str
+    stamp: int
 
 
 class Batch:
@@ -211,7 +208,7 @@ class Ingest:
 
     def take(self, settings: FootprintSettings | ObstacleSettings, data: bytes,
              number: int | None, now: int, may_wait: bool = True) -> Rejection | Wait | None:
-        """Pass on a message; return WAIT if it may wait and its transform may still arrive."""
+        """Pass on a message; return a Wait if it may wait and its transform may still arrive."""
         scene, name = self._scene, settings.name
         stamp = instance = None
         try:
@@ -221,19 +218,14 @@ class Ingest:
                 stamp = min(stamp, now)
             frame_id = sent_in
             affine: Affine2D | None = None
-            if not frame_id and points[2]:
-                return self.refuse(settings, EMPTY_FRAME_ID, 'its header names no frame', now,
-                                   stamp, instance, number)
-            if len(frame_id) > LONGEST_FRAME_ID:
-                return self.refuse(
-                    settings, LONG_FRAME_ID, f'{len(frame_id)} characters where '
-                    f'{LONGEST_FRAME_ID} are accepted', now, stamp, instance, number)
             origin = sent = None
+            if points[2] and not 0 < len(frame_id) <= LONGEST_FRAME_ID:
+                return self.refuse(settings, *_fault_of(frame_id), now, stamp, instance, number)
             if self._transforms and frame_id != self._fixed and points[2]:
                 found = self._lookup(settings, frame_id, stamp, now)
                 if isinstance(found, NoTransform):
                     if found.may_come and may_wait and stamp:
-                        return WAIT
+                        return Wait(frame_id, stamp)
                     if isinstance(settings, ObstacleSettings) and not settings.timeout:
                         self.untransformed[name] = frame_id
                     return self.refuse(settings, found.reason, found.detail, now, stamp,
@@ -248,10 +240,13 @@ class Ingest:
             else:
                 if affine and not settings.timeout:
                     sent = sent_in, points
-                    self._followed.setdefault(name, {})[sent_in] = affine
                 obstacle = self._shape(settings, points, affine, sent) if points[2] else None
                 refusal = scene.obstacle(name, obstacle, frame_id, stamp, now, instance, number,
                                          sent)
+                if sent and affine and (
+                        self._followed.setdefault(name, {}).get(sent_in) != affine):
+                    self._followed[name][sent_in] = affine
+                    self.follow_maps(now)
                 if settings.moving and obstacle and instance is not None and refusal is None:
                     scene.track_obstacle(name, instance, vertices_of(points, affine), stamp, now)
         except MessageError as error:
@@ -281,27 +276,47 @@ class Ingest:
         return self.reject(settings, refusal, detail_of(
             refusal, frame_id, scene.frame_id, (now - stamp) / 1e9, settings.timeout))
 
-    def take_early(self, settings: ObstacleSettings, data: bytes, now: int) -> bool:
+    def take_early(self, settings: ObstacleSettings, data: bytes, now: int,
+                   order: int) -> Wait | None:
         """
-        Let an obstacle count that waits behind a message without a transform.
+        Let an obstacle count that is queued behind a message which waits.
 
-        Return whether it has its own.
+        The order is its number in the queue. Return a Wait if its transform may still arrive. A
+        message that is a listing need not be queued once it has its place.
         """
+        body, stamp, instance, refusal = None, 0, None, None
         try:
-            stamp, frame_id, points, _ = self._decode[settings.name](data)
+            stamp, frame_id, points, instance = self._decode[settings.name](data)
+            if not points[2]:
+                return None
             affine = UNMOVED
             if frame_id != self._fixed:
                 found = self._lookup(settings, frame_id, stamp, now)
                 if isinstance(found, NoTransform):
-                    return False
-                affine = found.affine
-            if points[2]:
-                self._scene.receive_early(
-                    settings.name, self._shape(settings, points, affine, None), self._fixed, stamp)
-        except (MessageError, PolygonError):
-            # It is refused when it has waited.
+                    if found.may_come and stamp:
+                        return Wait(frame_id, stamp)
+                    refusal = found.reason
+                else:
+                    affine = found.affine
+            if settings.ending == EACH_MESSAGE:
+                return None
+            if not refusal:
+                body = self._packer.pack(points, affine)
+        except MessageError:
+            refusal = UNDECODABLE
+        except PolygonError as error:
+            refusal = error.reason.value
+        self._scene.receive_early(settings.name, body, stamp, order, instance, refusal)
+        return None
+
+    def ends_listing(self, settings: ObstacleSettings, data: bytes) -> bool:
+        """Return whether a message ends a listing by itself."""
+        if settings.ending != EMPTY_POLYGON:
+            return settings.ending == EACH_MESSAGE
+        try:
+            return not self._decode[settings.name](data)[2][2]
+        except MessageError:
             return False
-        return True
 
     def _shape(self, settings: ObstacleSettings, points: Any, affine: Affine2D | None,
                sent: tuple[str, Any] | None) -> Shape:
@@ -329,7 +344,10 @@ class Ingest:
         for name, affines in self._followed.items():
             fault, deadline = '', NEVER
             timeout = self._scene.footprint_timeout(name) * 1e9 or NEVER
-            for frame_id in self._scene.map_frames(name):
+            frames = self._scene.map_frames(name)
+            for frame_id in affines.keys() - frames:
+                del affines[frame_id]
+            for frame_id in frames:
                 found = self._lookup(self._scene.settings_of(name), frame_id, now, now)
                 if isinstance(found, NoTransform):
                     fault = f'is a map in another frame: {found.detail}'
@@ -395,6 +413,13 @@ class Ingest:
         """Count a refused message and return its Rejection."""
         self.rejected[settings.name, reason] += 1
         return Rejection(settings.name, settings.topic, reason, detail)
+
+
+def _fault_of(frame_id: str) -> tuple[str, str]:
+    """Return reason and detail of the refusal of a frame_id."""
+    if not frame_id:
+        return EMPTY_FRAME_ID, 'its header names no frame'
+    return LONG_FRAME_ID, (f'{len(frame_id)} characters where {LONGEST_FRAME_ID} are accepted')
 
 
 def max_non_convex(max_vertices: int) -> int:

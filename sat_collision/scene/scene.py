@@ -372,17 +372,25 @@ class Scene:
         self._sources[name].mix(is_mixed, self._now)
         self._follow_up(self._sources[name])
 
-    def wait(self, name: str, waits: bool) -> None:
-        """Record whether a message of a source waits for its transform."""
+    def wait(self, name: str, first: float) -> None:
+        """Record the number of a source's first message that waits, NEVER if none does."""
         source = self._sources.get(name)
         if source is not None:
-            source.wait(waits, self._now)
+            source.wait(first, self._now)
             self._follow_up(source)
 
-    def receive_early(self, name: str, body: Shape, frame_id: str, stamp: int) -> None:
-        """Let an obstacle count that waits behind a message without a transform."""
-        self._sources[name].receive_early(body, frame_id, stamp, self._now)
-        self._follow_up(self._sources[name])
+    def receive_early(self, name: str, body: PackedBody | None, stamp: int, order: int,
+                      instance: int | None, refusal: str | None) -> None:
+        """
+        Let an obstacle count that is queued behind a message which waits for its transform.
+
+        The order is its number in the queue; the body is None if it is refused.
+        """
+        source = self._sources[name]
+        if self._is_from_future(stamp):
+            body, refusal = None, FROM_FUTURE
+        source.receive_early(body, self.frame_id, stamp, self._now, order, instance, refusal)
+        self._follow_up(source)
 
     def follow_frame(self, name: str, frame_id: str,
                      body_of: Callable[[Any], PackedBody | None]) -> None:

@@ -64,9 +64,13 @@ class Source:
         # which time it cannot.
         self._frame_fault = ''
         self._frame_deadline: float = NEVER
-        # Whether a message waits for its transform; and obstacles received behind that one.
-        self._waits = False
-        self._early: SetGroup | None = None
+        # The number in its queue of the first message that waits for its transform, NEVER if none
+        # does. Obstacles that are queued behind it: with each group, the number of its last one;
+        # whether that is still filled. Number and reason of the last one that was refused.
+        self._first: float = NEVER
+        self._early: list[tuple[int, SetGroup]] = []
+        self._is_early_open = False
+        self._early_refusal = -1, ''
         # Groups of listings that were interrupted.
         self._former: list[ObstacleGroup] = []
         # While the publishers change: the group of what any of them sends.
@@ -99,6 +103,7 @@ class Source:
             self.stream.interrupt()
             self._begin_anew(now, wants_history=settings.enabled)
             self._drop_former(all_of_them=True)
+            self.wait(NEVER, now)
         self.knowledge.configure(settings, tolerance, now)
         self.pass_time(now)
         if settings != before:
@@ -214,20 +219,28 @@ class Source:
             self._former.append(self._mixed)
         self._find_faults(now)
 
-    def wait(self, waits: bool, now: int) -> None:
-        """Record whether a message waits for its transform: until then no map is known."""
-        self._waits = waits
-        if not waits and self._early is not None:
-            self._early.clear()
-            self._early = None
+    def wait(self, first: float, now: int) -> None:
+        """Record the number of the first message that waits, NEVER if none does."""
+        self._first = first
+        for last, group in self._early:
+            if last < first:
+                group.clear()
+        self._early = [one for one in self._early if one[0] >= first]
+        self._is_early_open = False
         self._find_faults(now)
 
-    def receive_early(self, body: Shape, frame_id: str, stamp: int, now: int) -> None:
-        """Let an obstacle count that waits behind a message without a transform."""
-        if self._early is None:
-            self._early = self.store.new_set()
-        if refusal := self._early.take(body, frame_id, min(stamp or now, now)):
-            self.knowledge.refuse(refusal, now)
+    def receive_early(self, body: PackedBody | None, frame_id: str, stamp: int, now: int,
+                      order: int, instance: int | None, refusal: str | None) -> None:
+        """Let an obstacle count that is queued, by its number, behind a message that waits."""
+        if not refusal:
+            if not self._is_early_open:
+                self._early.append((order, self.store.new_set()))
+                self._is_early_open = True
+            last, group = self._early[-1]
+            self._early[-1] = max(last, order), group
+            refusal = group.take(body, frame_id, min(stamp or now, now), instance)
+        if refusal:
+            self._early_refusal = order, refusal
             self._find_faults(now)
 
     def follow_frame(self, frame_id: str, body_of: Callable[[Any], PackedBody | None],
@@ -400,8 +413,11 @@ class Source:
                 words = ['; '.join((problem, *self.stream.hints()))]
             if self._frame_fault:
                 words.append(self._frame_fault)
-            if self._waits and self.timeout == NEVER:
+            if self._first < NEVER and self.timeout == NEVER:
                 words.append('waits for the transform of a part of its map')
+            number, refusal = self._early_refusal
+            if self._first <= number:
+                words.append(f'sent what was refused: {refusal}')
             faults = tuple(f'obstacle source {self.settings.name} on {self.settings.topic} {word}'
                            for word in words)
         if faults != self.faults:

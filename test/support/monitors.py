@@ -28,7 +28,7 @@ NOW = START
 SETTINGS = Settings(
     frame_id='map',
     footprints=(FootprintSettings('robot', '/footprint'),),
-    obstacles=(ObstacleSettings('lidar', '/polygons'),
+    obstacles=(ObstacleSettings('lidar', '/polygons', set_end='empty_polygon'),
                ObstacleSettings('tracks', '/tracks', type='polygon_instance', max_count=2)))
 BOW_TIE = [(5, 5), (6, 6), (6, 5), (5, 6)]
 CIRCLE = [(math.cos(k / 500), math.sin(k / 500)) for k in range(2000)]
@@ -74,8 +74,8 @@ class World:
         return self.receive(name, serialised(points, stamp, frame_id, instance))
 
     def send_map(self, name, *polygons):
-        """Receive obstacles with ids from 0 on, and the empty polygon that ends their map."""
-        for k, points in enumerate((*polygons, ())):
+        """Receive obstacles with ids from 1 on, and the mark that ends their map."""
+        for k, points in enumerate((*polygons, ()), 1):
             self.send(name, points, 'none', instance=k)
 
     def receive_transforms(self, topic, *links):
@@ -120,13 +120,15 @@ class World:
 def clear_monitor(settings=SETTINGS):
     """Return a monitor with a footprint at 0, and a far obstacle of each source."""
     monitor = Monitor(settings)
+    if len(settings.obstacles) > 1:
+        # The source is known after its timeout of 2 s and future_tolerance.
+        for number, ago in enumerate((3.1, 1.5, 0.0), 1):
+            stamp = nanoseconds(-ago)
+            assert monitor.receive(
+                'tracks', serialised(box(20), stamp, instance=1), stamp, number) is None
     assert monitor.receive('robot', serialised(box(0)), NOW, 1) is None
     for number, points in ((1, box(10)), (2, ())):
         assert monitor.receive('lidar', serialised(points), NOW, number) is None
-    if len(settings.obstacles) > 1:
-        for number, points, stamp in ((1, (), NOW - 2 * SECOND), (2, box(20), NOW)):
-            assert monitor.receive(
-                'tracks', serialised(points, stamp, instance=1), NOW, number) is None
     assert status(monitor) == 'clear'
     return monitor
 

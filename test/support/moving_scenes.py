@@ -75,7 +75,7 @@ class MovingScene:
         self.moving, self.fixed, self.truth = sent, list(sent), []
         bodies = {}
         for window in range(WINDOWS):
-            names = ['robot', *range(INSTANCES)]
+            names = ['robot', *range(1, INSTANCES + 1)]
             random.shuffle(names)
             for name in names:
                 if window == 0 or random.random() < 0.7:

@@ -22,7 +22,7 @@ from sat_collision.monitor import Monitor
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.footprints import Status
 from sat_collision.scene.scene import FROM_FUTURE
-from sat_collision.scene.settings import FootprintSettings, Settings
+from sat_collision.scene.settings import FootprintSettings, NEVER, Settings
 from sat_collision.scene.sources import Source, TOO_OLD
 from sat_collision.scene.streams import Endpoint
 from stage import (
@@ -614,23 +614,12 @@ def test_obstacle_behind_one_that_waits_counts_at_once():
     for settings in (LIDAR, UNTIMED_LIDAR):
         stage = with_robot(settings)
         stage.send(10)
-        stage.scene.wait('lidar', True)
+        stage.scene.wait('lidar', 1)
         assert (stage.status() == 'clear') == (settings is LIDAR)
-        stage.scene.receive_early('lidar', square(0.5).packed, 'map', stage.now)
+        stage.scene.receive_early('lidar', square(0.5).packed, stage.now, 2, None, None)
         assert stage.status() == 'collision'
-        stage.scene.wait('lidar', False)
+        stage.scene.wait('lidar', NEVER)
         assert status_and_reasons(stage) == ('clear', ())
-
-
-def test_more_obstacles_than_max_count_that_wait_are_unknown():
-    stage = with_robot(replace(LIDAR, max_count=1))
-    stage.send(10)
-    stage.scene.wait('lidar', True)
-    for x in (20, 0.5):
-        stage.scene.receive_early('lidar', square(x).packed, 'map', stage.now)
-    assert status_and_reasons(stage) == ('unknown', (
-        LIDAR_SAYS + 'has not sent a whole set since there were more obstacles than max_count, '
-        '1',))
 
 
 # --- settings

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
@@ -82,6 +83,9 @@ def check_recording(recording: Recording, options: Options,
     try:
         settings = settings_for(recording.topics, options.parameters, options.footprints,
                                 options.obstacles, options.node)
+        # Recordings have no sequence numbers: only what they hold can be judged.
+        settings = replace(settings, obstacles=tuple(
+            replace(source, assume_no_loss=True) for source in settings.obstacles))
         _Run(recording, settings, options, result).run(progress)
     except (ParameterError, OSError) as error:
         result.problems.append(f'{path}: {error}')

@@ -23,8 +23,9 @@ from typing import Any, TypeAlias
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped, Twist, TwistStamped
 from rclpy.callback_groups import CallbackGroup
 from rclpy.event_handler import (
-    EventHandler, QoSLivelinessChangedInfo, QoSRequestedDeadlineMissedInfo, QoSRequestedIncompatibleQoSInfo,
-    QoSSubscriptionMatchedInfo, SubscriptionEventCallbacks, UnsupportedEventTypeError)
+    EventHandler, QoSLivelinessChangedInfo, QoSRequestedDeadlineMissedInfo,
+    QoSRequestedIncompatibleQoSInfo, QoSSubscriptionMatchedInfo, SubscriptionEventCallbacks,
+    UnsupportedEventTypeError)
 from rclpy.node import Node
 from rclpy.qos import (
     qos_policy_name_from_kind, QoSDurabilityPolicy, QoSPolicyKind, QoSProfile,
@@ -136,7 +137,8 @@ class Subscriptions:
     def _subscribe(self, source: FootprintSettings | ObstacleSettings, kind: type, depth: int,
                    parameter: str = 'topic') -> None:
         events = _SupportedEvents(
-            self._unsupported, incompatible_qos=partial(self._report_incompatible_qos, source.topic),
+            self._unsupported,
+            incompatible_qos=partial(self._report_incompatible_qos, source.topic),
             deadline=partial(self._count_missed_deadlines, source.topic),
             liveliness=partial(self._note_liveliness, source),
             matched=partial(self._note_matched, source.name))

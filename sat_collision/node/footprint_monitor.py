@@ -200,6 +200,10 @@ class FootprintMonitor(Node):
         if endpoints is not None:
             self._monitor.update_publishers(name, endpoints)
 
+    def change_publisher(self, name: str) -> None:
+        """Begin another stream of an input, whatever the number of its next message."""
+        self._monitor.interrupt(name)
+
     def note_matched(self, name: str, event: QoSSubscriptionMatchedInfo) -> bool:
         """Record matched publishers; begin anew where one came; return whether one did."""
         if not (event.total_count_change or event.current_count_change):

@@ -57,6 +57,8 @@ _MAX_TOGETHER = 64
 _MAX_BYTES = 8192
 # The middleware's key for the sequence number of a message among those of its publisher.
 _NUMBER = 'publication_sequence_number'
+# And for that publisher, from Kilted on.
+_PUBLISHER = 'publisher_gid'
 QoSSubscriptionEventType = rclpy_implementation.rcl_subscription_event_type_t
 
 
@@ -81,6 +83,9 @@ class Receiver(Protocol):
 
     def begin_stream(self, name: str) -> None:
         """Record that the next message of an input is the first of its publisher."""
+
+    def change_publisher(self, name: str) -> None:
+        """Record that the next message of an input is of another publisher than the last one."""
 
     def note_matched(self, name: str, event: QoSSubscriptionMatchedInfo) -> bool:
         """
@@ -322,6 +327,7 @@ class _Topic:
         self._name = one.name
         self._receiver = receiver
         self._matched = one.matched
+        self._publisher: object = None
         self._depth = one.subscription.qos_profile.depth
         self._take: Callable[[], tuple[bytes, dict[str, Any]] | None] = partial(
             one.subscription.handle.take_message, one.subscription.msg_type, True)
@@ -373,9 +379,12 @@ class _Topic:
             if not batch:
                 self._first_of_batch = info
                 first = number = info[_NUMBER]
+                before, self._publisher = self._publisher, info.get(_PUBLISHER)
                 if number == 1:
                     self._receiver.begin_stream(self._name)
-            elif info[_NUMBER] != number:
+                elif self._publisher != before:
+                    self._receiver.change_publisher(self._name)
+            elif info[_NUMBER] != number or info.get(_PUBLISHER) != self._publisher:
                 self._next = taken
                 break
             self._last = info

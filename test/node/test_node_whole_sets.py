@@ -71,21 +71,43 @@ def test_types_of_polygon_msgs_say_what_to_install(start, monkeypatch, kind, nam
 
 
 @pytest.fixture
-def without_numbers(monkeypatch):
-    """Make the middleware give no sequence numbers, as Cyclone DDS."""
-    def taken(take):
-        def take_without_number():
-            if (found := take()) is None:
-                return None
-            data, info = found
-            return data, {**info, loop._NUMBER: None}
-        return take_without_number
+def middleware(monkeypatch):
+    """Return what is added to the information that comes with each message."""
+    added = {}
     before = loop._Topic.__init__
 
-    def init(self, *arguments):
-        before(self, *arguments)
-        self._take = taken(self._take)
+    def init(topic, *arguments):
+        before(topic, *arguments)
+        take = topic._take
+
+        def take_with_more():
+            taken = take()
+            return taken and (taken[0], {**taken[1], **added})
+        topic._take = take_with_more
     monkeypatch.setattr(loop._Topic, '__init__', init)
+    return added
+
+
+@pytest.fixture
+def without_numbers(middleware):
+    """Make the middleware give no sequence numbers, as Cyclone DDS."""
+    middleware[loop._NUMBER] = None
+
+
+def test_publishers_are_told_apart_by_their_gid(start, middleware):
+    """Where the middleware names the publisher, numbers that continue do not hide another one."""
+    middleware['publisher_gid'] = 'a'
+    monitor = start()
+    monitor.become('clear', APART)
+    monitor.send('footprint', ROBOT)
+    received = monitor.received['obstacle']
+    monitor.send('obstacles', APART)
+    monitor.until(lambda: monitor.received['obstacle'] > received, 'the message')
+    middleware['publisher_gid'] = 'b'
+    monitor.send('obstacles', [])
+    monitor.send('footprint', ROBOT)
+    monitor.await_state('unknown')
+    monitor.become('clear', APART)
 
 
 def test_without_numbers_sets_of_several_messages_are_unknown(start, without_numbers):

@@ -142,7 +142,7 @@ class Source:
         knowledge = self.knowledge
         if not isinstance(knowledge, Refreshed) or self.settings.type == POLYGON_INSTANCE:
             return ''
-        advice = (f'obstacles of {self.settings.name} are released only '
+        advice = (f'obstacles of source {self.settings.name} are released only '
                   f'{self.settings.timeout:g} s after they were last sent: to release them at '
                   'once, send an empty polygon after the last one of each set, and set '
                   f'{self.settings.name}.set_end: {EMPTY_POLYGON}')

@@ -246,9 +246,10 @@ def clock(topic: Topic) -> None:
 
 
 def sets(topic: Topic, count: int = 200, period: float = 0.1, spread: float = 0.0,
-         late: float = 0.0, sees: bool = True, cut: int | None = None) -> None:
+         late: float = 0.0, sees: bool = True, cut: int | None = None,
+         marks: bool = True) -> None:
     """
-    Publish sets whose last obstacle touches or not, if it is seen.
+    Publish sets whose last obstacle touches or not, if it is seen, with or without their ends.
 
     In seconds are the period of sets, the spread from the first to the last message of one,
     and the delay of the last one. In the middle of the tenth set the process sends itself the
@@ -257,14 +258,15 @@ def sets(topic: Topic, count: int = 200, period: float = 0.1, spread: float = 0.
     topic.until_subscribed()
     for number, stamp in enumerate(topic.every(period)):
         for k in range(count - 1):
-            topic.send(box(10 + 2 * k, 50), stamp)
+            topic.send(box(10 + 2 * k, 50), stamp, k + 1)
             if spread and k % 20 == 19:
                 time.sleep(spread * 20 / count)
             if cut and number == 10 and k == count // 2:
                 os.kill(os.getpid(), cut)
         time.sleep(late)
-        topic.send(topic.obstacle if sees else APART, stamp)
-        topic.end(stamp)
+        topic.send(topic.obstacle if sees else APART, stamp, count)
+        if marks:
+            topic.end(stamp)
 
 
 def nothing_seen(topic: Topic) -> None:
@@ -289,13 +291,73 @@ def unstamped(topic: Topic) -> None:
             topic.send(box(5 + 2 * k, 5), 0)
 
 
-def latched(topic: Topic, ends: bool = True) -> None:
-    """Publish a latched map once, with or without an empty polygon at its end."""
-    for k in range(5):
-        topic.send(box(5 + 2 * k, 5), 0)
-    if ends:
-        topic.end(0)
+def latched(topic: Topic) -> None:
+    """Publish a latched map once."""
+    _map(topic, 0, APART)
     topic.stay()
+
+
+def _map(topic: Topic, stamp: int, first: Sequence[tuple[float, float]], count: int = 5,
+         frame_id: str = 'map') -> None:
+    """Publish a map of one obstacle and others far away, and its end."""
+    topic.send(first, stamp, frame_id=frame_id)
+    for k in range(1, count):
+        topic.send(box(5 + 2 * k, 5), stamp, frame_id=frame_id)
+    topic.send((), stamp, frame_id=frame_id)
+
+
+def map_sent_again(topic: Topic, set_back: float = 0.0, count: int = 5) -> None:
+    """Publish a map twice, and whenever the obstacle moves; its clock is set back by some s."""
+    topic.until_subscribed()
+    _map(topic, topic.now(), topic.obstacle, count)
+    while not topic.is_over():
+        time.sleep(0.5)
+        was_touching = topic.touching
+        _map(topic, topic.now() - round(set_back * SECOND), topic.obstacle, count)
+        for _ in topic.every(0.02):
+            if topic.touching != was_touching:
+                break
+
+
+def map_in_frame(topic: Topic) -> None:
+    """Publish a map once, in the frame map2."""
+    topic.until_subscribed()
+    _map(topic, topic.now(), TOUCHING, 1, 'map2')
+    topic.stay()
+
+
+def corrected_transform(topic: Topic) -> None:
+    """Publish the static transform of map2: where nothing touches, or where an obstacle does."""
+    was_touching = None
+    for stamp in topic.every(0.02):
+        if topic.touching != was_touching:
+            was_touching = topic.touching
+            topic.publish(transforms(
+                ('map', 'map2', stamp, 0.0 if was_touching else 50.0, 0.0)))
+
+
+def own_stamps(topic: Topic, marks: bool = True) -> None:
+    """Publish sets whose obstacles come 30 ms apart, each stamped when it is sent."""
+    topic.until_subscribed()
+    while not topic.is_over():
+        for points in (topic.obstacle, box(7, 5), box(9, 5), *([()] if marks else ())):
+            topic.send(points)
+            time.sleep(0.03)
+
+
+def slow_clock(topic: Topic, behind: float = 0.0) -> None:
+    """
+    Publish sets of which the obstacle has the stamp of the set before, or is behind it by some s.
+
+    So it is with a simulated clock that steps slowly, and where several threads stamp.
+    """
+    topic.until_subscribed()
+    before = topic.now()
+    for stamp in topic.every(0.1):
+        topic.send(topic.obstacle, before - round(behind * SECOND))
+        for points in (APART, ()):
+            topic.send(points, stamp)
+        before = stamp
 
 
 def tracks(topic: Topic, obstacles: dict[int, tuple[float, float]], awake: float = math.inf,
@@ -336,6 +398,22 @@ def track_out_of_order(topic: Topic) -> None:
     for stamp in topic.every(0.1):
         topic.send(topic.obstacle, stamp, 0)
         topic.send(APART, stamp - SECOND // 2, 0)
+
+
+def same_stamp(topic: Topic, instance: int) -> None:
+    """Send two obstacles of one id with one stamp."""
+    topic.until_subscribed()
+    for stamp in topic.every(0.1):
+        for points in (topic.obstacle, APART):
+            topic.send(points, stamp, instance)
+
+
+def undecodable(topic: Topic) -> None:
+    """Send messages that are cut off while in contact, good sets before and after."""
+    topic.until_subscribed()
+    for stamp in topic.every(0.1):
+        for points in (topic.obstacle, ()):
+            topic.send(points, stamp, length=-5 if topic.touching else None)
 
 
 def refused(topic: Topic, points: Sequence[tuple[float, float]] = TOUCHING,

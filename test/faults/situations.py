@@ -26,6 +26,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Iterator, Sequence
 import contextlib
+from functools import partial
 import math
 import os
 from pathlib import Path
@@ -42,6 +43,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / 'test' / 'support'), str(ROOT / 'docs')]
 
 from discovery import discover_promptly  # noqa: E402
+from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
 from geometry_msgs.msg import PolygonInstanceStamped  # noqa: E402
 from nav_msgs.msg import Odometry  # noqa: E402
 from page_parts import replace_part  # noqa: E402
@@ -102,6 +104,10 @@ class Stage:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
         self.node.create_subscription(Bool, '/footprint_monitor/collision', self._receive, 1000)
+        # What the last state says.
+        self.message = ''
+        self.node.create_subscription(
+            DiagnosticArray, '/footprint_monitor/state', self._receive_state, 1000)
         self._is_open = True
         self._thread = threading.Thread(target=self._spin)
         self._thread.start()
@@ -244,6 +250,9 @@ class Stage:
         # The time of publication, since this process may be late.
         self._flags.append((info['source_timestamp'] / SECOND, flag.data))
 
+    def _receive_state(self, states: DiagnosticArray) -> None:
+        self.message = states.status[0].message
+
     def _falls(self, since: float) -> float:
         """Return when the flag fell for the last time, infinity if it is raised or old."""
         flags = [(when, raised) for when, raised in list(self._flags) if when > since]
@@ -255,13 +264,14 @@ class Stage:
 
 def judge(situation: Situation, domain: int, length: float = 1.0) -> Outcome:
     """Run a situation in its own processes."""
-    stage = Stage(situation.parameters, domain, length)
+    stage = Stage({**_MARKS, **situation.parameters}, domain, length)
     try:
         stage.start_monitor()
         stage.await_flag()
         if situation.footprint:
             stage.publish(publishers.robot, '/footprint', 'robot')
         situation.act(stage)
+        stage.until(lambda: situation.says in stage.message)
         stage.leave()
         return stage.outcome(situation.promise)
     finally:
@@ -281,9 +291,10 @@ class Situation(NamedTuple):
     act: Callable[[Stage], None]  # causes contact and fault
     # Seconds after the fault until the source must be known: three periods, or the timeout.
     promise: float = 0.3
-    parameters: dict[str, Any] = {}  # of the monitor
+    parameters: dict[str, Any] = {}  # of the monitor; sets end with an empty polygon
     footprint: bool = True  # whether a footprint is published all the time
     is_short: bool = False  # whether `make test` runs it, too
+    says: str = ''  # a part of what the state says in the end of the fault
 
 
 def _lasting(seconds: float, script: Callable[..., None], topic: str = '/obstacles',
@@ -295,26 +306,26 @@ def _lasting(seconds: float, script: Callable[..., None], topic: str = '/obstacl
     return act
 
 
-def _monitor_stopped(stage: Stage) -> None:
-    stage.publish(publishers.sets)
+def _monitor_stopped(stage: Stage, **form: Any) -> None:
+    stage.publish(publishers.sets, **form)
     stage.wait(1.0)
     stage.stop_repeatedly(stage.monitor_stopped)
 
 
-def _publisher_stopped(stage: Stage) -> None:
-    publisher = stage.publish(publishers.sets, spread=0.05)
+def _publisher_stopped(stage: Stage, **form: Any) -> None:
+    publisher = stage.publish(publishers.sets, spread=0.05, **form)
     stage.wait(1.0)
     stage.stop_repeatedly(publisher.stopped)
 
 
-def _killed_in_a_set(stage: Stage) -> None:
-    stage.publish(publishers.sets, cut=signal.SIGKILL).process.join()
+def _killed_in_a_set(stage: Stage, **form: Any) -> None:
+    stage.publish(publishers.sets, cut=signal.SIGKILL, **form).process.join()
     stage.wait(2.5)
-    stage.respawn(publishers.sets)
+    stage.respawn(publishers.sets, **form)
 
 
-def _stopped_in_a_set(stage: Stage) -> None:
-    publisher = stage.publish(publishers.sets, cut=signal.SIGSTOP)
+def _stopped_in_a_set(stage: Stage, **form: Any) -> None:
+    publisher = stage.publish(publishers.sets, cut=signal.SIGSTOP, **form)
     stage.wait(4.0)
     publisher.go_on()
 
@@ -427,6 +438,31 @@ def _one_shot_beside(stage: Stage) -> None:
     stage.publish(publishers.one_shot, node='other').process.join()
 
 
+def _map_moves(stage: Stage) -> None:
+    """Correct the transform of a map, so that an obstacle of it touches."""
+    stage.leave()
+    stage.publish(publishers.corrected_transform, '/tf_static', 'corrector', qos=LATCHED)
+    stage.publish(publishers.map_in_frame)
+    stage.await_clear()
+    stage.contact()
+    stage.wait(3.0)
+
+
+def _map_grows(stage: Stage) -> None:
+    stage.leave()
+    stage.publish(publishers.map_sent_again, count=6)
+    stage.wait(2.0)
+
+
+def _undecodable(stage: Stage) -> None:
+    stage.leave()
+    stage.publish(publishers.undecodable)
+    stage.await_clear()
+    # The last whole set is known for its timeout.
+    stage.contact(after=1.0)
+    stage.wait(3.0)
+
+
 def _clock_stepped(stage: Stage) -> None:
     stage.leave()
     stage.publish(publishers.clock, '/clock', 'clock', kind=Clock)
@@ -447,11 +483,20 @@ def _enabled_again(stage: Stage) -> None:
 
 _LATE = 20
 _IDS = {'kind': PolygonInstanceStamped}
-_BY_ID = {'obstacle.type': 'polygon_instance'}
-_BY_SHAPE = {'obstacle.accumulate': True}
+_MARKS = {'obstacle.set_end': 'empty_polygon'}
 _SHORT = {'obstacle.timeout': 1.0}
-_MAP = {'obstacle.timeout': 0.0,
-        'qos_overrides./obstacles.subscription.durability': 'transient_local'}
+_NO_MARKS = {**_SHORT, 'obstacle.set_end': 'none', 'future_tolerance': 0.2}
+_BY_ID = {**_NO_MARKS, 'obstacle.type': 'polygon_instance'}
+_SLOW = {**_BY_ID, 'obstacle.timeout': 2.0}
+_MAP = {'obstacle.timeout': 0.0}
+_LATCHED_MAP = {**_MAP, 'qos_overrides./obstacles.subscription.durability': 'transient_local'}
+# Of each way in which sets end: parameters, options of the publisher, and seconds until all is
+# known: three periods, or the timeout, future_tolerance and two periods.
+_FORMS = {
+    'empty polygons': ({}, {}, 0.3),
+    'new stamps': ({'obstacle.set_end': 'new_stamp'}, {'marks': False}, 0.3),
+    'nothing declared': (_NO_MARKS, {'marks': False}, 1.4),
+    'ids': (_BY_ID, {'marks': False, **_IDS}, 1.4)}
 _OUTLINE = {'frame_id': 'map', 'footprint.frame_id': 'base',
             'footprint.points': [0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0]}
 _DEADLINES = {
@@ -470,20 +515,46 @@ _REFUSED = {
     'a frame that nobody sends': {'frame_id': 'nowhere'}}
 
 SITUATIONS = {
-    'the monitor is stopped for 60 to 300 ms again and again': Situation(_monitor_stopped),
-    'the publisher is stopped for 60 to 300 ms again and again': Situation(_publisher_stopped),
-    'the publisher is killed in the middle of a set, and respawned': Situation(
-        _killed_in_a_set, is_short=True),
-    'the publisher is stopped in the middle of a set, and goes on': Situation(_stopped_in_a_set),
+    **{f'{what}: {form}': Situation(partial(act, **options), promise, parameters,
+                                    is_short=act is _killed_in_a_set)
+       for what, act in (
+           ('the monitor is stopped for 60 to 300 ms again and again', _monitor_stopped),
+           ('the publisher is stopped for 60 to 300 ms again and again', _publisher_stopped),
+           ('the publisher is killed in the middle of a set, and respawned', _killed_in_a_set),
+           ('the publisher is stopped in the middle of a set, and goes on', _stopped_in_a_set))
+       for form, (parameters, options, promise) in _FORMS.items()},
+    **{f'each polygon is stamped when it is sent, 30 ms apart: {what}': Situation(
+        _lasting(4.0, publishers.own_stamps, marks=marks), promise, parameters, is_short=True)
+       for what, marks, parameters, promise in (
+           ('empty polygons', True, {}, 0.4), ('nothing declared', False, _NO_MARKS, 1.5),
+           ('empty polygons that are not declared', True, _NO_MARKS, 1.5))},
+    **{f'the first of a set has a stamp {what}: {form}': Situation(
+        _lasting(4.0, publishers.slow_clock, behind=behind), promise, parameters, is_short=True)
+       for what, behind in (('of the set before', 0.0), ('older than the set before', 0.15))
+       for form, parameters, promise in (
+           ('empty polygons', {}, 0.3), ('nothing declared', _NO_MARKS, 1.4))},
+    'a map is sent again by a clock that was set back': Situation(
+        _lasting(4.0, publishers.map_sent_again, set_back=100.0), 1.0, _MAP, is_short=True),
+    'the static transform of the frame of a map is corrected': Situation(
+        _map_moves, 1.0, {**_MAP, 'frame_id': 'map'}, is_short=True),
+    'a map of more than half of max_count is sent again': Situation(
+        _map_grows, 1.0, {**_MAP, 'obstacle.max_count': 10}, is_short=True),
+    **{f'two messages of one id with one stamp, the id {instance}': Situation(
+        _lasting(4.0, publishers.same_stamp, instance=instance, **_IDS), 1.4, _BY_ID,
+        is_short=True) for instance in (0, 7)},
+    'no message can be decoded any more': Situation(
+        _undecodable, 1.0, _SHORT, is_short=True,
+        says='has sent nothing of use for longer than its timeout of 1 s: a message was refused: '
+             'undecodable'),
     'the last of a set comes 90 ms after the others': Situation(
         _lasting(4.0, publishers.sets, period=0.2, late=0.09), promise=0.6),
     '600 obstacles at 1 Hz, the publisher shares its core with four busy processes': Situation(
         _busy_publisher, promise=3.0),
     '1,000 obstacles at 2 Hz, the monitor shares its core with four busy processes': Situation(
         _busy_monitor, promise=1.5),
-    **{f'{what}, then a good obstacle far away, by {keys}': Situation(
-        _lasting(3.0, publishers.refused, **kind, **options), 1.0, {**parameters, **_SHORT})
-       for keys, parameters, kind in (('id', _BY_ID, _IDS), ('shape', _BY_SHAPE, {}))
+    **{f'{what}, then a good obstacle far away: {form}': Situation(
+        _lasting(3.0, publishers.refused, **kind, **options), 1.4, parameters)
+       for form, parameters, kind in (('ids', _BY_ID, _IDS), ('nothing declared', _NO_MARKS, {}))
        for what, options in _REFUSED.items()},
     'the obstacles of a best-effort publisher are not received, those of another are': Situation(
         _beside('/obstacles', {'script': publishers.sets, 'count': 1, 'qos': BEST_EFFORT},
@@ -498,16 +569,16 @@ SITUATIONS = {
         footprint=False),
     'two ids 0.8 s apart, at the start and after silence': Situation(
         _lasting(9.0, publishers.tracks, obstacles={1: (1.0, 0.0), 0: (1.0, 0.8)}, awake=3.0,
-                 **_IDS), 2.0, _BY_ID),
+                 **_IDS), 4.2, _SLOW),
     'two publishers use the same id': Situation(
         _beside('/obstacles', {'script': publishers.tracks, 'obstacles': {0: (0.1, 0.0)}, **_IDS},
-                {'script': publishers.track_apart, **_IDS}), 1.0, {**_BY_ID, **_SHORT}),
+                {'script': publishers.track_apart, **_IDS}), 1.4, _BY_ID),
     'one of two publishers of ids is killed': Situation(
         _tracker_killed_beside, 22.0, _BY_ID),
     'an id with an older stamp after a newer one': Situation(
-        _lasting(3.0, publishers.track_out_of_order, **_IDS), 1.0, {**_BY_ID, **_SHORT}),
+        _lasting(3.0, publishers.track_out_of_order, **_IDS), 1.4, _BY_ID),
     'a tracker is killed 1.4 s after it sent the contact': Situation(
-        _tracker_killed, 2.0, _BY_ID),
+        _tracker_killed, 2.4, _SLOW),
     'a footprint stamped 0.9 s ahead': Situation(
         _ahead(publishers.robot_ahead, '/footprint'), footprint=False, is_short=True),
     'odometry stamped 0.9 s ahead': Situation(
@@ -524,17 +595,16 @@ SITUATIONS = {
     'the publisher is killed and respawned': Situation(
         _respawned(publishers.sets, Publisher.kill), 21.0),
     'a publisher without stamps restarts': Situation(
-        _respawned(publishers.unstamped), 1.0, _SHORT),
+        _respawned(publishers.unstamped), 1.4, _NO_MARKS),
     'one message without a stamp comes from another, beside those of a publisher': Situation(
-        _one_shot_beside, 1.0, _SHORT),
-    **{f'the server of a latched map {how} an empty polygon at its end restarts': Situation(
-        _respawned(publishers.latched, qos=LATCHED, ends=ends), 1.0, _MAP)
-       for how, ends in (('with', True), ('without', False))},
+        _one_shot_beside, 1.4, _NO_MARKS),
+    'the server of a latched map restarts': Situation(
+        _respawned(publishers.latched, qos=LATCHED), 1.0, _LATCHED_MAP),
     'the server of a latched map is killed and respawned': Situation(
-        _respawned(publishers.latched, Publisher.kill, qos=LATCHED), 21.0, _MAP),
+        _respawned(publishers.latched, Publisher.kill, qos=LATCHED), 21.0, _LATCHED_MAP),
     'the clock steps back by 50 ms, with a latched map': Situation(
-        _clock_stepped, 1.0, {**_MAP, 'use_sim_time': True}, is_short=True),
-    'a latched source is disabled and enabled': Situation(_enabled_again, 1.0, _MAP),
+        _clock_stepped, 1.0, {**_LATCHED_MAP, 'use_sim_time': True}, is_short=True),
+    'a latched source is disabled and enabled': Situation(_enabled_again, 1.0, _LATCHED_MAP),
 }
 
 

@@ -397,12 +397,11 @@ class _Track:
             return False
         place = bisect_right(stamps, stamp)
         first = bisect_left(stamps, stamp)
-        if link not in links[first:place]:
-            if place - first == 2:
-                links[place - 1] = link
-            else:
-                stamps.insert(place, stamp)
-                links.insert(place, link)
+        if place - first == 2:
+            links[place - 1] = link
+        elif place == first or links[first] != link:
+            stamps.insert(place, stamp)
+            links.insert(place, link)
         return True
 
     def _prune(self, history: int) -> None:

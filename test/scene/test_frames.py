@@ -282,6 +282,8 @@ def test_last_transform_of_a_stamp_replaces_earlier_ones():
     assert tree.where('base', 0.2) == 22.0
     assert tree.where('base', 0.1) == 1.0
     assert tree.where('base', 0.3) == 13.0
+    tree.moving('odom', 'base', (0.2, 2))
+    assert tree.where('base', 0.2) == 2.0, 'the first one again'
 
 
 @pytest.mark.parametrize('parent, child, transform, wanted', [

@@ -256,6 +256,8 @@ class Monitor:
         """
         if now < self._now - self._tolerance:
             self._forget_times()
+        elif now < self._now:
+            self.outlines.limit_times(now)
         elif now and not self._now:
             self.transforms.drop_ahead(now)
         self._now = now

@@ -392,3 +392,18 @@ def test_no_time_is_late_and_none_is_given_while_unknown(seed):
             at_contact = places(time + world.prediction.duration)
             assert min(map(there.distance, at_contact)) < TOLERANCE, 'early'
     assert found or seed
+
+
+@pytest.mark.parametrize('ahead', [0.0, 0.5])
+def test_stamps_ahead_of_our_clock_give_no_slower_velocity(ahead):
+    """Messages of 0.1 s come 0.5 s apart, or together: their stamps tell how fast they are."""
+    for pause in (0.0, 0.5):
+        world = Predicted([walker(0.0)], moving=True)
+        world.see(0.1, walker(0.0), age=-ahead)
+        world.wait_until(0.1 + pause)
+        world.send('map', walker(0.1), 0.2 + ahead, instance=1)
+        world.send('robot', ROBOT, 0.1 + ahead)
+        world.wait_until(0.2 + pause)
+        world.send('robot', [(x + 0.1, y) for x, y in ROBOT], 0.2 + ahead)
+        assert world.prediction.velocity.twist[0] == pytest.approx(1.0, abs=1e-3)
+        assert world.prediction.is_known and world.seconds < 1.95 + pause

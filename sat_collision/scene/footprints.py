@@ -67,6 +67,7 @@ class Footprint(Body[Obstacle]):
         # The valid footprint: its stamp, not in the future, None if there is none; its origin,
         # None if it was not transformed; whether it is past its timeout.
         self.time: int | None = None
+        self.stamp = 0  # as sent
         self.origin: Origin | None = None
         self.stale = False
         # Why there is no valid footprint; empty if there is one, even if stale.
@@ -130,6 +131,13 @@ class Footprint(Body[Obstacle]):
             if not (now and before):
                 self.gained_or_lost ^= {name}
                 self._names = None
+
+    def limit_times(self, now: int) -> None:
+        """Let nothing be ahead of a clock that went back a little: its age is 0."""
+        if self.time is not None:
+            self.time = min(self.time, now)
+        if self.command:
+            self.command = self.command._replace(time=min(self.command.time, now))
 
     def set_back(self, now: int) -> None:
         """Reset all times, because the clock was set back."""

@@ -69,7 +69,7 @@ def velocity_of(footprint: Footprint, now: int) -> Velocity | str:
         if not command.holds(now, settings.timeout):
             return f'no command on {settings.topic} for {(now - command.time) / 1e9:.1f} s'
     velocity = footprint.time is not None and footprint.motion.velocity(
-        footprint.time, TRANSFORMS if footprint.settings.has_outline else FOOTPRINTS)
+        footprint.stamp, TRANSFORMS if footprint.settings.has_outline else FOOTPRINTS)
     if velocity and command:
         velocity = velocity._replace(twist=command.twist)
     return velocity or ''
@@ -104,11 +104,12 @@ def predict(footprint: Footprint, contacts: Contacts, sources: Iterable[Source],
             and footprint.settings.monitors(source.settings.name)):
         if obstacle.row is None:
             continue
-        motion = obstacle.motion and obstacle.motion.translation(obstacle.time)
-        if not motion or now - obstacle.time > VELOCITY_LASTS and (motion.vx or motion.vy):
+        motion = obstacle.motion and obstacle.motion.translation(obstacle.stamp)
+        time = min(obstacle.time, now)
+        if not motion or now - time > VELOCITY_LASTS and (motion.vx or motion.vy):
             unknown.append(obstacle.name)
             continue
-        ahead = (footprint.time - obstacle.time) / 1e9
+        ahead = (footprint.time - time) / 1e9
         # One that is left out is assumed to stand where it was seen: the way from there counts.
         if _is_apart(bounds, motion, reach + motion.speed * (seconds + abs(ahead))):
             continue

@@ -178,11 +178,11 @@ class Scene:
             return OTHER_FRAME
         time = stamp if stamp and stamp < now else now
         if footprint.time is not None and time < footprint.time and not (
-                footprint.stale or footprint.timeout == NEVER):
+                footprint.stale or footprint.timeout == NEVER or footprint.settings.has_outline):
             return OVERTAKEN
         self._contacts.place_footprint(footprint, body)
         footprint.origin = origin
-        footprint.time = time
+        footprint.time, footprint.stamp = time, stamp or now
         if footprint.fault or footprint.stale or time + footprint.timeout < now:
             footprint.fault = ''
             self._contacts.changed.add(footprint)
@@ -200,13 +200,12 @@ class Scene:
         """Track a footprint just received: its vertices in the order sent, velocity if given."""
         footprint = self._footprints[name]
         if footprint.time is not None:
-            footprint.motion.place(footprint.time, vertices, given)
+            footprint.motion.place(footprint.stamp, vertices, given)
 
     def track_obstacle(self, name: str, instance: int, vertices: Vertices, stamp: int,
                        now: int) -> None:
         """Track an obstacle just received that may move: its vertices in the order sent."""
-        stamp = stamp or now
-        self._sources[name].track(instance, stamp, min(stamp, now), vertices)
+        self._sources[name].track(instance, stamp or now, vertices)
 
     def command(self, name: str, command: Command) -> None:
         """Receive the velocity command of a footprint."""
@@ -432,6 +431,7 @@ class Scene:
             if now < self._latest - self._future_tolerance:
                 self.set_clock(now)
         for footprint in self._footprints.values():
+            footprint.limit_times(now)
             if footprint.deadline < now:
                 self._contacts.changed.add(footprint)
         for source in self._sources.values():

@@ -313,13 +313,13 @@ class Source:
             self._find_faults(now)
         return refusal
 
-    def track(self, instance: int, stamp: int, time: int, vertices: Vertices) -> None:
+    def track(self, instance: int, stamp: int, vertices: Vertices) -> None:
         """Track an obstacle by its id, vertices in the order sent, unless it is newer."""
         by_id = self.knowledge.by_id if isinstance(self.knowledge, Refreshed) else None
         obstacle = by_id.get(instance) if by_id is not None else None
         if obstacle is not None and obstacle.stamp == stamp:
             obstacle.motion = obstacle.motion or MotionTracker()
-            obstacle.motion.place(time, vertices)
+            obstacle.motion.place(stamp, vertices)
 
     def receive_run(self, run: Run, frame_id: str, stamp: int, number: int | None,
                     now: int) -> int:

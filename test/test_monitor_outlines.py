@@ -427,3 +427,59 @@ def test_transform_stamped_ahead_ages_from_its_arrival():
     place(world, 0.2, 5.0, ahead=0.9)
     world.wait_until(0.7)
     assert world.state().age == 0.5
+
+
+@EVERY_INPUT
+@pytest.mark.parametrize('step', [1e-6, 0.9])
+def test_small_step_back_of_the_clock_keeps_poses(footprint, step):
+    """Their age is 0, and the next pose counts, whether its stamp went back with the clock."""
+    for is_alike in (True, False):
+        world = OutlineWorld(footprint)
+        place(world, 1.0, 1.0)
+        world.wait_until(1.0 - step)
+        assert (world.status(), world.state().age) == ('clear', 0.0)
+        assert world.bounds()[0] == 0.5
+        if footprint is ROBOT and not is_alike:
+            continue  # a transform ahead of the clock counts when that has come so far
+        for k in range(2, 6):
+            place(world, 1.0 - step + k * 0.02, float(k), 0.0 if is_alike else step)
+            assert world.bounds()[0] == k - 0.5
+    assert not world.rejections
+
+
+@pytest.mark.parametrize('first', [0.0, -START / SECOND], ids=['set back', 'begins'])
+def test_outline_in_a_static_frame_is_placed_by_a_new_clock(first):
+    """Its transform is sent only once, here before the clock is set back or begins."""
+    world = OutlineWorld()
+    world.monitor = Monitor(world.settings, transforms=True)
+    world.scene = world.monitor.scene
+    world.wait_until(first)
+    world.receive_transforms(TF_STATIC, ('odom', 'base', 0, 7.0, 0.0))
+    assert (world.status(), bool(world.scene.footprints)) == ('unknown', first == 0.0)
+    world.wait_until(-5.0)
+    assert world.bounds()[0] == 6.5 and not world.rejections
+
+
+def test_changed_outline_counts_where_its_frame_has_an_older_pose_only():
+    """Its new parent is known only at a time before the last pose."""
+    world = OutlineWorld()
+    world.move(0.1, 48.0, parent='odom', child='map')
+    world.move(0.1, 1.0, 0.5, parent='map')
+    world.move(0.3, 1.0)
+    world.move(0.4, 1.0, 0.5, parent='map')
+    assert world.status() == 'clear' and world.bounds()[0] == 0.5
+    world.use(points='[[-0.5, -0.5], [1.5, 0.0], [-0.5, 0.5]]')
+    assert world.status() == 'collision' and world.state().age == pytest.approx(0.3)
+
+
+def test_footprints_that_share_odometry_have_its_last_velocity():
+    """Each receives every message; the first to do so moves both."""
+    world = OutlineWorld(BY_ODOMETRY, replace(BY_ODOMETRY, name='load'))
+    world.scene.tracks_motion = True
+    for time, speed in ((0.1, 0.0), (0.2, 1.0)):
+        world.wait_until(time)
+        data = odometry('odom', 'base', world.now, time, 0.0, twist=(speed, 0.0, 0.0))
+        for name in ('robot', 'load'):
+            assert world.receive(name, data) is None
+        for name in ('robot', 'load'):
+            assert world.scene.velocity(name).twist == (speed, 0.0, 0.0)

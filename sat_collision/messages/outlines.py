@@ -24,7 +24,7 @@ import struct
 from sat_collision.geometry.packing import TRIPLE
 from sat_collision.geometry.polygon import Affine2D, Points, UNMOVED
 from sat_collision.messages.cdr import (
-    decode_command, decode_odometry, decode_twist, MessageError)
+    decode_command, decode_odometry, decode_twist, header_stamp, MessageError)
 from sat_collision.messages.ingest import Ingest
 from sat_collision.messages.rejections import (
     BAD_COMMAND, COMMAND_FRAME, detail_of, Rejection, UNDECODABLE)
@@ -56,6 +56,10 @@ class Outlines:
         self._outlines = {one.name: _PlacedOutline(one, settings.max_vertices)
                           for one in settings.footprints if one.has_outline}
         self.names = frozenset(self._outlines)
+        # The last message of each topic of odometry.
+        self._odometry: dict[str, bytes] = {}
+        # Whether frames that are static are to be looked up although no message comes.
+        self._is_clock_new = True
         self.configure(settings)
 
     def configure(self, settings: Settings) -> None:
@@ -67,25 +71,40 @@ class Outlines:
 
     def clear(self) -> None:
         """Forget all places: the clock was set back."""
+        self._odometry.clear()
+        self._is_clock_new = True
         for one in self._outlines.values():
             one.forget()
 
+    def limit_times(self, now: int) -> None:
+        """Let no place be ahead of a clock that went back a little: the next one counts."""
+        for one in self._outlines.values():
+            one.next = min(one.next, now)
+            one.stamp = one.stamp and min(one.stamp, now)
+
     def receive(self, name: str, data: bytes, now: int) -> list[Rejection]:
         """Take a message of odometry for a footprint."""
+        settings = self._outlines[name].settings
         problem = self._transforms.receive_odometry(data, now)
         if problem:
-            return [self._ingest.reject(self._outlines[name].settings, *problem)]
-        self._outlines[name].odometry = data
+            return [self._ingest.reject(settings, *problem)]
+        # The first of several footprints that receive a message moves all of them.
+        if header_stamp(data) >= header_stamp(self._odometry.get(settings.topic, b'')):
+            self._odometry[settings.topic] = data
         return []
 
     def follow(self, now: int) -> list[Rejection]:
         """Place the outlines that have moved."""
-        return [rejection for one in self._outlines.values()
-                if (rejection := self._follow(one, now))]
+        rejections = [rejection for one in self._outlines.values()
+                      if (rejection := self._follow(one, now))]
+        self._is_clock_new = False
+        return rejections
 
     @property
     def deadline(self) -> float:
         """The time in ns until which nothing is to be placed unless a message comes."""
+        if self._is_clock_new:
+            return 0
         return min((one.due(self._timeout) for one in self._outlines.values()), default=NEVER)
 
     def _follow(self, one: _PlacedOutline, now: int) -> Rejection | None:
@@ -97,7 +116,8 @@ class Outlines:
             one.is_pending = True
             return None
         one.is_pending = False
-        one.begin(now)
+        if not self._is_clock_new:
+            one.begin(now)
         found = self._transforms.newest(settings.frame_id, now)
         if isinstance(found, NoTransform):
             if one.fault == found.reason or (found.may_come and not one.has_waited(
@@ -120,14 +140,15 @@ class Outlines:
             # With commands only the pose counts: the twist is that of the command.
             return Velocity((0.0, 0.0, 0.0), pose_of(found.affine),
                             COMMAND if one.settings.cmd_vel else TRANSFORMS)
-        if not one.odometry:
+        odometry = self._odometry.get(one.settings.topic)
+        if not odometry:
             return None
-        _, child, _, _ = decode_odometry(one.odometry)
+        _, child, _, _ = decode_odometry(odometry)
         where = (found if child == one.settings.frame_id
                  else self._transforms.lookup_affine(child, found.at, found.at, 0.0))
         if isinstance(where, NoTransform):
             return None
-        return Velocity(decode_twist(one.odometry), pose_of(where.affine), ODOMETRY)
+        return Velocity(decode_twist(odometry), pose_of(where.affine), ODOMETRY)
 
 
 class Commands:
@@ -207,8 +228,6 @@ class _PlacedOutline:
         # When it is due again, and whether it may have moved when it was too soon to place it.
         self.next = 0
         self.is_pending = False
-        # The last message of odometry, empty if none.
-        self.odometry = b''
         # Why it has no place, as last reported.
         self.fault = fault
         self._begun = None
@@ -235,7 +254,8 @@ class _PlacedOutline:
             return self.next - self.period - 1
         if self.is_static:
             return self._refreshed - 1
-        if self.stamp is None and self._begun is not None and not self.fault:
+        is_waiting = self.stamp is None and not self.fault and self.settings.enabled
+        if is_waiting and self._begun is not None:
             return self._begun + timeout
         return NEVER
 

@@ -16,7 +16,7 @@
 
 import sys
 
-from harness import APART, health, ROBOT, SECOND, TOUCHING
+from harness import APART, health, LASTING, ROBOT, SECOND, TOUCHING
 import pytest
 import rclpy.event_handler
 from rclpy.event_handler import UnsupportedEventTypeError
@@ -97,7 +97,7 @@ def without_numbers(middleware):
 def test_publishers_are_told_apart_by_their_gid(start, middleware):
     """Where the middleware names the publisher, numbers that continue do not hide another one."""
     middleware['publisher_gid'] = 'a'
-    monitor = start()
+    monitor = start(**LASTING)
     monitor.become('clear', APART)
     monitor.send('footprint', ROBOT)
     received = monitor.received['obstacle']
@@ -106,7 +106,8 @@ def test_publishers_are_told_apart_by_their_gid(start, middleware):
     middleware['publisher_gid'] = 'b'
     monitor.send('obstacles', [])
     monitor.send('footprint', ROBOT)
-    monitor.await_state('unknown')
+    monitor.until(lambda: 'received from its middle on' in monitor.reason(), 'the reason',
+                  timeout=5.0)
     monitor.become('clear', APART)
 
 

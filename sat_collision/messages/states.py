@@ -117,9 +117,9 @@ class States:
         status = self._statuses[name]
         status.level = _LEVELS[state.status]
         status.message = in_words(state, self.settings.margin, prediction)
+        if state.status is Status.CLEAR and (coarse or state.reasons):
+            status.level = DiagnosticStatus.WARN
         if coarse:
-            if state.status is Status.CLEAR:
-                status.level = DiagnosticStatus.WARN
             status.message += (
                 f'; its coordinates have steps of {step:.2g} m, coarser than the resolution of '
                 f'{self.settings.resolution:g} m: publish in a frame with a nearer origin')

@@ -272,7 +272,8 @@ class FootprintMonitor(Node):
         """Poll what gives no event: publishers, clock, middleware, kernels being compiled."""
         for name, endpoints in self._inputs.publishers.news(self._health.backlogs):
             self._monitor.update_publishers(name, endpoints)
-        self._commands.follow()
+        for name, fault in self._commands.follow():
+            self._scene.note_command_fault(name, fault)
         for one in self._inputs.inputs:
             if self._scene.wants_history(one.name) and self._inputs.renew(one.name):
                 self._scene.renew(one.name)

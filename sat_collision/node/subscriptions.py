@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, TypeAlias
 
@@ -230,45 +230,51 @@ class CommandSubscriptions:
         self._node = node
         self._group = group
         self._inputs = inputs
-        self._commands = [one.command for one in settings.footprints if one.command]
+        self._commands = {one.name: one.command for one in settings.footprints if one.command}
         self._subscribed: dict[str, Input] = {}
-        self._reported: dict[str, set[str]] = {}
+        self._faults: dict[str, str] = {}
         # Names of inputs whose messages are of type Twist, without a header.
         self.without_stamps: set[str] = set()
 
-    def follow(self) -> None:
-        """Follow the published type of each command that has no subscription with a publisher."""
-        for command in self._commands:
-            one = self._subscribed.get(command.name)
-            if not (one and one.subscription.get_publisher_count()):
-                self._follow(command, one)
+    def follow(self) -> Iterator[tuple[str, str]]:
+        """
+        Follow the published type of each command that has no subscription with a publisher.
 
-    def _follow(self, command: CommandSettings, one: Input | None) -> None:
+        Yields the name of each footprint and why no command can come to it, empty if one can.
+        """
+        for footprint, command in self._commands.items():
+            one = self._subscribed.get(command.name)
+            fault = ('' if one and one.subscription.get_publisher_count()
+                     else self._follow(command, one))
+            before, self._faults[footprint] = self._faults.get(footprint), fault
+            if fault not in ('', before, f'{command.topic} has no publisher'):
+                self._node.get_logger().error(f'{command.name}: {fault}')
+            yield footprint, fault
+
+    def _follow(self, command: CommandSettings, one: Input | None) -> str:
         # The settings have the remapped name, which must not be remapped again.
         topic = self._node.get_parameter(command.name).value
         published = {info.topic_type for info in self._node.get_publishers_info_by_topic(topic)}
         types = published & _COMMAND_TYPES.keys()
-        if published and not types and published != self._reported.get(command.name):
-            self._node.get_logger().error(
-                f'{command.name}: {command.topic} is published as {", ".join(sorted(published))}, '
-                f'but a command has to be {" or ".join(_COMMAND_TYPES)}')
-        self._reported[command.name] = published
-        if one and types and one.subscription.msg_type not in map(_COMMAND_TYPES.get, types):
+        if not types:
+            return (f'{command.topic} is published as {", ".join(sorted(published))}, but a '
+                    f'command has to be {" or ".join(_COMMAND_TYPES)}' if published
+                    else f'{command.topic} has no publisher')
+        if one and one.subscription.msg_type not in map(_COMMAND_TYPES.get, types):
             del self._subscribed[command.name]
             self.without_stamps.discard(command.name)
             self._inputs.remove(one)
             self._node.destroy_subscription(one.subscription)
-        elif types and not one:
+        elif not one:
             kind = _COMMAND_TYPES[min(types)]
             try:
                 subscription = self._node.create_subscription(
                     kind, topic, unused, _COMMAND_QOS, raw=True, callback_group=self._group)
             except RuntimeError as error:  # this process has a subscription of another type
-                self._node.get_logger().error(f'{command.name}: {command.topic}: {error}',
-                                              throttle_duration_sec=1.0)
-                return
+                return f'{command.topic}: {error}'
             one = self._subscribed[command.name] = Input(command.name, subscription)
             self._inputs.append(one)
             if kind is Twist:
                 self.without_stamps.add(command.name)
             self._node.get_logger().info(f'{command.name}: {kind.__name__} on {command.topic}')
+        return ''

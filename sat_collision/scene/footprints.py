@@ -41,7 +41,8 @@ class State(NamedTuple):
     status: Status
     # The obstacles in contact with it, sorted; empty unless in collision.
     contacts: tuple[ObstacleId, ...]
-    # Sentences: why the status is unknown or imminent, or what else is unknown beside a collision.
+    # Sentences: why the status is unknown or imminent, or what else is unknown beside a collision
+    # or a clear state.
     # Without running figures, so that a state does not change merely because time passes.
     reasons: tuple[str, ...]
     age: float | None  # seconds since the footprint's stamp; None if there is no valid footprint
@@ -78,6 +79,8 @@ class Footprint(Body[Obstacle]):
         # Its motion, if that is tracked, and the last velocity command.
         self.motion = MotionTracker()
         self.command: Command | None = None
+        # Why no command can come, as a sentence; empty if one can.
+        self.command_fault = ''
         # Whether a contact is predicted within its min_time_to_collision.
         self.is_imminent = False
         # The status reported: CLEAR only after the release delay.
@@ -171,7 +174,9 @@ class Footprint(Body[Obstacle]):
         if monitor_fault:
             status, reasons = Status.UNKNOWN, (monitor_fault,)
         elif not self.settings.enabled:
-            status, reasons = Status.UNKNOWN, (f'footprint {self.settings.name} is disabled',)
+            ignored = self.settings.cmd_vel and f', commands on {self.settings.cmd_vel} are ignored'
+            status, reasons = Status.UNKNOWN, (
+                f'footprint {self.settings.name} is disabled{ignored}',)
         elif self._stream_faults or self.fault or self.stale:
             status, reasons = Status.UNKNOWN, (*self._faults_in_words(), *source_faults)
         elif self.contacts:
@@ -185,7 +190,9 @@ class Footprint(Body[Obstacle]):
                 f'{self.settings.min_time_to_collision:g} s',)
         else:
             status = Status.CLEAR
-        self.unknown_reasons = () if status is Status.IMMINENT else reasons
+            if self.command_fault and self.settings.min_time_to_collision:
+                reasons = f'no contact is predicted: {self.command_fault}',
+        self.unknown_reasons = reasons if status in (Status.UNKNOWN, Status.COLLISION) else ()
         if status is not Status.CLEAR:
             self._clear_since = None
         else:

@@ -211,6 +211,14 @@ class Scene:
         """Receive the velocity command of a footprint."""
         self._footprints[name].command = command
 
+    def note_command_fault(self, name: str, fault: str) -> None:
+        """Record why no command of a footprint can come; empty if one can."""
+        footprint = self._footprints[name]
+        if fault != footprint.command_fault:
+            footprint.command_fault = fault
+            self._contacts.changed.add(footprint)
+            self._evaluate()
+
     def velocity(self, name: str) -> Velocity | str:
         """Return the velocity of a footprint since its stamp, or why it is unknown."""
         return velocity_of(self._footprints[name], self._now)

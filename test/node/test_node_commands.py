@@ -17,6 +17,7 @@
 import math
 
 from builders import box, transforms
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PolygonStamped, Twist, TwistStamped
 from harness import health, values
 import pytest
@@ -119,10 +120,27 @@ def test_invalid_commands_are_counted_and_logged(start_with_tf):
     assert int(health(running)['footprint.cmd_vel: received']) > 2
 
 
-def test_topic_of_another_type_is_logged(start_with_tf):
-    running = start_with_tf(**ROBOT)
-    running.node.create_publisher(Bool, 'cmd_vel', 10)
-    assert running.logged('footprint.cmd_vel: /cmd_vel is published as std_msgs/msg/Bool, but a ')
+def test_commands_that_cannot_come_are_warned_of(start_with_tf):
+    """If min_time_to_collision needs them: no publisher, one of another type, a good one."""
+    running = start_with_tf(**ROBOT, footprint__min_time_to_collision=2.0)
+    robot = Robot(running)
+
+    def warns(words):
+        status = running.status()
+        return status and status.level == DiagnosticStatus.WARN and status.message.startswith(
+            f'clear: no contact is predicted: /cmd_vel {words}')
+    robot.until(lambda: warns('has no publisher'), 'a warning')
+    publisher = running.node.create_publisher(Bool, 'cmd_vel', 10)
+    wrong = 'is published as std_msgs/msg/Bool, but a command has to be geometry_msgs/msg/Twist '
+    robot.until(lambda: warns(wrong), 'a warning of its type')
+    assert running.logged(f'footprint.cmd_vel: /cmd_vel {wrong}')
+    running.node.destroy_publisher(publisher)
+    publisher = running.publisher('cmd_vel', Twist)
+    robot.until(lambda: running.status().level == DiagnosticStatus.OK, 'no warning', twist(0.0),
+                publisher)
+    assert running.set_parameters(footprint__enabled=False) == [None]
+    robot.until(lambda: running.reason() == (
+        'footprint footprint is disabled, commands on /cmd_vel are ignored'), 'a reason')
 
 
 def test_topic_of_commands_is_remapped_once(start_with_tf):

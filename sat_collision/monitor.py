@@ -185,6 +185,14 @@ class Monitor:
         """Record that the next message of a name is not known to continue the one before."""
         self._follow_stream(name, partial(self.scene.interrupt, name))
 
+    def renew(self, name: str) -> None:
+        """Start a source anew: a new subscription receives all that its publisher keeps."""
+        for item in self.waiting.drop(name):
+            if callable(item):
+                item()
+        self._note_waiting()
+        self.scene.renew(name)
+
     def _follow_stream(self, name: str, happens: Callable[[], None]) -> None:
         """Let something happen to a stream, after the messages of it that wait."""
         if name in self.waiting:
@@ -255,7 +263,7 @@ class Monitor:
         When it starts, drop transforms of another clock: they would shut out those that follow.
         """
         if now < self._now - self._tolerance:
-            self._forget_times()
+            self._forget_times(now)
         elif now < self._now:
             self.outlines.limit_times(now)
         elif now and not self._now:
@@ -270,18 +278,21 @@ class Monitor:
         """
         if not self._now:
             return False
-        self._forget_times()
+        self._forget_times(now)
         self._now = now
         self.scene.set_clock(now)
         self.scene.pass_time(now)
         return True
 
-    def _forget_times(self) -> None:
+    def _forget_times(self, now: int) -> None:
         self.transforms.clear()
         self.outlines.clear()
-        for item in self.waiting.drop():
-            if callable(item):
-                item()
+        for name in self.waiting.counts():
+            # A map goes on: what of it waited is refused, and asked for again.
+            is_map = name in self.scene.source_names and not self.scene.settings_of(name).timeout
+            for item in self.waiting.drop(name):
+                if callable(item) or is_map:
+                    self._take_waiting(name, item, now, False)
         self._note_waiting()
         self.ingest.follow_maps(self._now)
 
@@ -452,16 +463,18 @@ class WaitingItems:
                     self._take_first(name, now, False, rejections)
             if not queue.items:
                 del self._queues[name]
-        self.earliest = min((queue.items[0].until for queue in self._queues.values()),
-                            default=NEVER)
+        self._find_earliest()
         return rejections
 
-    def drop(self) -> list[_Item]:
-        """Drop all that waits and return it."""
-        dropped = [held.item for queue in self._queues.values() for held in queue.items]
-        self._queues.clear()
-        self.earliest = NEVER
-        return dropped
+    def drop(self, name: str) -> list[_Item]:
+        """Drop all that waits under a name and return it."""
+        queue = self._queues.pop(name, None)
+        self._find_earliest()
+        return [held.item for held in queue.items] if queue else []
+
+    def _find_earliest(self) -> None:
+        self.earliest = min((queue.items[0].until for queue in self._queues.values()),
+                            default=NEVER)
 
     def _take_placed(self, name: str, queue: _Queue, now: int,
                      rejections: list[Rejection]) -> bool:

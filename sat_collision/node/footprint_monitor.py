@@ -276,7 +276,7 @@ class FootprintMonitor(Node):
             self._scene.note_command_fault(name, fault)
         for one in self._inputs.inputs:
             if self._scene.wants_history(one.name) and self._inputs.renew(one.name):
-                self._scene.renew(one.name)
+                self._monitor.renew(one.name)
         if steady >= self._reports_unknown_at:
             self._report_unknown()
         self._scene.stop_clock(self._clock_fault(now, steady) if self._is_simulated else '')

@@ -76,8 +76,6 @@ class Monitor:
         self.scene = Scene(settings, decides_contacts)
         # Number of messages by name of the footprint or source; for an outline, of its poses.
         self.received: Counter[str] = Counter()
-        # Whether the messages of all batches have numbers; without them losses go unnoticed.
-        self.is_numbered = True
         self.transforms = TransformListener(settings)
         has_transforms = transforms or any(one.odometry for one in settings.footprints)
         self.ingest = Ingest(settings, self.scene, self.transforms if has_transforms else None,
@@ -129,12 +127,6 @@ class Monitor:
         if name in self.commands.names:
             return self.commands.receive(name, messages, now)
         self._watch_clock(now)
-        if number is None:
-            self.is_numbered = False
-        return self._receive_batch(name, messages, now, number)
-
-    def _receive_batch(self, name: str, messages: Sequence[bytes], now: int,
-                       number: int | None) -> Sequence[Rejection]:
         rejections: Sequence[Rejection] = _NOTHING
         batch = Batch(messages, number) if name in self.ingest.headers else None
         taken = 0
@@ -166,14 +158,12 @@ class Monitor:
 
         They may be of either, so obstacles count, but end and replace nothing.
         """
-        self.received[name] += len(messages)
-        self._watch_clock(now)
         if name not in self.scene.source_names:
-            rejections = self._receive_batch(name, messages, now, None)
+            rejections = self.receive_batch(name, messages, now)
             self.interrupt(name)
             return rejections
         self._follow_stream(name, partial(self.scene.mix, name, True))
-        rejections = self._receive_batch(name, messages, now, None)
+        rejections = self.receive_batch(name, messages, now)
         self._follow_stream(name, partial(self.scene.mix, name, False))
         return rejections
 

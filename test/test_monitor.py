@@ -254,10 +254,8 @@ def test_first_set_is_whole_if_it_begins_with_number_1(number, known):
 def test_messages_without_numbers():
     """Losses cannot be noticed, and messages are assumed to be consecutive."""
     monitor = clear_monitor()
-    assert monitor.is_numbered
     monitor.receive('lidar', serialised(box(10), NOW + 1), NOW + 1)
     monitor.receive('lidar', serialised([], NOW + 1), NOW + 1)
-    assert not monitor.is_numbered
     assert positions(monitor) == [(0, 10)]
     assert monitor.lost == {}
 

@@ -424,7 +424,7 @@ def test_messages_of_any_publisher_end_nothing_even_if_they_wait():
     batch = [serialised(points, robot.now, 'base') for points in ((), box(9), ())]
     robot.monitor.receive_mixed('lidar', batch, robot.now)
     robot.move(0.0)
-    assert robot.seen == [(9, 0, 10, 1)] and robot.monitor.is_numbered
+    assert robot.seen == [(9, 0, 10, 1)]
     assert robot.status() == 'unknown'
     for number, points in ((7, ()), (8, box(8)), (9, ())):
         robot.monitor.receive('lidar', serialised(points, robot.now, 'odom'), robot.now, number)

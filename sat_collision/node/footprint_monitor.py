@@ -115,7 +115,6 @@ class FootprintMonitor(Node):
         transform_inputs = transforms and subscribe_transforms(self, transforms, taken_by)
         self._reports_unknown_at = time.monotonic() + _STARTED
         self._advised: set[str] = set()
-        self._warns_of_losses = True
         self._ticked = self._draws_at = 0.0
         self._looking = Every(_TICK)
         self._reporting = Every(_HEALTH_PERIOD)
@@ -280,10 +279,6 @@ class FootprintMonitor(Node):
         if steady >= self._reports_unknown_at:
             self._report_unknown()
         self._scene.stop_clock(self._clock_fault(now, steady) if self._is_simulated else '')
-        if self._warns_of_losses and not self._monitor.is_numbered:
-            self._warns_of_losses = False
-            self.get_logger().warning(
-                'this middleware does not number messages: what is lost on the way goes unseen')
         if not self._outputs.measures:
             self._outputs.measures = self._preparation.is_complete()
 

@@ -42,8 +42,8 @@ from typing import Any, NamedTuple
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / 'test' / 'support'), str(ROOT / 'docs')]
 
-from discovery import discover_promptly  # noqa: E402
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
+from discovery import discover_promptly  # noqa: E402
 from geometry_msgs.msg import PolygonInstanceStamped  # noqa: E402
 from nav_msgs.msg import Odometry  # noqa: E402
 from page_parts import replace_part  # noqa: E402

@@ -28,7 +28,7 @@ from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sat_collision.node import footprint_monitor
 
-MAP_OF_IDS = {'obstacle__type': 'polygon_instance', 'obstacle__timeout': 0.0}
+EACH_MESSAGE = {'obstacle__set_end': 'each_message'}
 DEPTH = 'qos_overrides./obstacles.subscription.depth'
 
 
@@ -72,7 +72,8 @@ def pausable(domain):
     started = []
 
     def pausable(**parameters):
-        started.append(PausedMonitor(domain, {**LASTING, **parameters}))
+        started.append(PausedMonitor(domain, {
+            **LASTING, 'obstacle__set_end': 'empty_polygon', **parameters}))
         return started[-1]
 
     yield pausable
@@ -96,15 +97,15 @@ def test_set_in_one_batch_is_evaluated_as_a_whole(pausable):
 
 def test_contact_within_a_batch_is_published(pausable):
     """The flags rise and fall, although the contact ends within the batch."""
-    monitor = pausable(**MAP_OF_IDS, publish_rate=5.0)
+    monitor = pausable(**EACH_MESSAGE, publish_rate=5.0)
     both = monitor.listen('~/footprint/collision'), monitor.listen('~/collision')
     monitor.send('footprint', ROBOT)
-    monitor.send_set('obstacles', APART, instance=1)
+    monitor.send('obstacles', APART)
     monitor.until(lambda: all(received and not received[-1].data for received in both))
     before = [len(received) for received in both]
     with monitor.paused_while_sending():
         for polygon in (TOUCHING, APART):
-            monitor.send('obstacles', polygon, instance=1)
+            monitor.send('obstacles', polygon)
     for received, start in zip(both, before):
         # A flag published before the batch may arrive late.
         monitor.until(lambda: any(flag.data for flag in received[start:])
@@ -112,13 +113,13 @@ def test_contact_within_a_batch_is_published(pausable):
 
 
 def test_contact_within_the_first_batch_is_published(pausable):
-    monitor = pausable(**MAP_OF_IDS, unknown_is_collision=False)
+    monitor = pausable(**EACH_MESSAGE, unknown_is_collision=False)
     monitor.paused = True
     received = monitor.listen('~/collision')
     with monitor.paused_while_sending():
         monitor.send('footprint', ROBOT)
         for polygon in (TOUCHING, APART, []):
-            monitor.send('obstacles', polygon, instance=1)
+            monitor.send('obstacles', polygon)
     monitor.until(lambda: any(flag.data for flag in received), 'a rise')
     monitor.await_state('clear')
 
@@ -128,7 +129,7 @@ def test_lost_messages_are_counted(pausable):
     monitor = pausable(obstacle__timeout=1.0, **{DEPTH: 10})
     states = monitor.listen('~/state')
     monitor.send('obstacles', APART)
-    monitor.until(lambda: 'has not sent a whole set yet' in monitor.reason())
+    monitor.until(lambda: 'has not ended a set yet' in monitor.reason())
     with monitor.paused_while_sending():
         monitor.send_set('obstacles', *49 * [APART])
     status = monitor.until(
@@ -182,7 +183,7 @@ def test_source_that_loses_messages_is_unknown(start_slow, domain):
     monitor = start_slow(footprint__timeout=0.0, obstacle__timeout=1.0, **{DEPTH: 20})
     monitor.send('footprint', ROBOT)
     with streaming(domain, 'obstacles', 1000):
-        monitor.until(lambda: 'without a gap since messages were lost' in monitor.reason())
+        monitor.until(lambda: 'since messages were lost' in monitor.reason())
         monitor.until(lambda: int(health(monitor).get('obstacle: lost', 0)) > 20
                       and 'messages lost' in monitor.health().message, 'a count')
     monitor.send_set_until('clear', 'obstacles', APART)

@@ -91,9 +91,8 @@ def test_rejections_are_logged_once_a_second_at_most(start):
 
 LOCKED = {'enabled': False, 'unknown_is_collision': False, 'margin': 0.5, 'release_delay': 5.0,
           'footprint__timeout': 0.0, 'footprint__enabled': False, 'obstacle__timeout': 0.0,
-          'obstacle__enabled': False, 'obstacle__set_window': 5.0, 'obstacle__accumulate': True,
-          'obstacle__max_count': 1, 'obstacle__settle_time': 0.1,
-          'watchdog': 0.0, 'use_sim_time': True}
+          'obstacle__enabled': False, 'obstacle__max_count': 1, 'watchdog': 0.0,
+          'use_sim_time': True}
 
 
 def test_locked_parameters_cannot_be_changed(start):

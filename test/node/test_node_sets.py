@@ -14,15 +14,13 @@
 
 """Sets received by a running node: when they are whole, and the states before."""
 
-
 from geometry_msgs.msg import PolygonStamped
 from harness import APART, box, LASTING, polygon_message, ROBOT, SECOND, TOUCHING
-from sat_collision.node.footprint_monitor import FootprintMonitor
 
 
 def test_contact_is_immediate_and_release_needs_a_whole_set(start):
-    """Without empty polygons a set is whole when the next one begins."""
-    monitor = start(**LASTING)
+    """By new stamps a set is whole when the next one begins."""
+    monitor = start(obstacle__set_end='new_stamp', **LASTING)
     monitor.send('footprint', ROBOT)
     monitor.send('obstacles', APART)
     monitor.until(lambda: 'has not sent a whole set yet' in monitor.reason())
@@ -39,20 +37,6 @@ def test_contact_is_immediate_and_release_needs_a_whole_set(start):
     monitor.await_state('clear')
 
 
-def test_set_window_can_be_changed_live(start):
-    """Stamps 0.3 s apart: one set with a window of 0.5 s, two sets with a window of 0."""
-    monitor = start(obstacle__set_window=0.5, **LASTING)
-    stamp = monitor.now() - 10 * SECOND
-    monitor.send('footprint', ROBOT)
-    for points, offset in ((TOUCHING, 0), (APART, 3), ([], 3)):
-        monitor.send('obstacles', points, stamp + offset * SECOND // 10)
-    monitor.await_state('collision')
-    assert monitor.set_parameters(obstacle__set_window=0.0) == [None]
-    for points, offset in ((TOUCHING, 10), (APART, 13), ([], 13)):
-        monitor.send('obstacles', points, stamp + offset * SECOND // 10)
-    monitor.await_state('clear')
-
-
 def test_set_in_progress_when_the_node_starts_does_not_count(start, peer):
     """Its first messages were missed; the next set is whole."""
     publisher = peer.node.create_publisher(PolygonStamped, '/obstacles', 10)
@@ -65,7 +49,7 @@ def test_set_in_progress_when_the_node_starts_does_not_count(start, peer):
         publisher.publish(polygon_message(points, stamp))
     monitor.send('footprint', ROBOT)
     monitor.until(lambda: monitor.received['obstacle'] == 2)
-    monitor.until(lambda: monitor.reason().endswith('has not sent a whole set yet'))
+    monitor.until(lambda: 'has not sent a whole set since it was received from its middle on' in monitor.reason())
     for points in (APART, []):
         publisher.publish(polygon_message(points, stamp + SECOND // 10))
     monitor.await_state('clear')
@@ -84,23 +68,4 @@ def test_burst_of_thousands_of_obstacles_is_received(start):
     monitor.await_state('collision')
     raised = [message.data for message in received]
     assert all(raised[raised.index(True):])
-    assert not monitor.monitor._monitor.lost
-
-
-class NumberlessMonitor(FootprintMonitor):
-    """Its middleware does not number messages."""
-
-    def receive(self, name, messages, now, number):
-        super().receive(name, messages, now, None)
-
-
-def test_middleware_without_numbers_is_logged_once(start, monkeypatch):
-    """Everything else works."""
-    monkeypatch.setattr('harness.FootprintMonitor', NumberlessMonitor)
-    monitor = start(**LASTING)
-    monitor.send_set('obstacles', APART)
-    monitor.send_until('unknown', 'footprint', ROBOT)
-    monitor.send_set_until('clear', 'obstacles', APART)
-    monitor.send_set_until('collision', 'obstacles', TOUCHING)
-    assert len(monitor.logged('does not number messages')) == 1
     assert not monitor.monitor._monitor.lost

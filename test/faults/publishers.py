@@ -298,22 +298,26 @@ def latched(topic: Topic) -> None:
 
 
 def _map(topic: Topic, stamp: int, first: Sequence[tuple[float, float]], count: int = 5,
-         frame_id: str = 'map') -> None:
+         frame_id: str = 'map', y: float = 5.0) -> None:
     """Publish a map of one obstacle and others far away, and its end."""
     topic.send(first, stamp, frame_id=frame_id)
     for k in range(1, count):
-        topic.send(box(5 + 2 * k, 5), stamp, frame_id=frame_id)
+        topic.send(box(5 + 2 * k, y), stamp, frame_id=frame_id)
     topic.send((), stamp, frame_id=frame_id)
 
 
-def map_sent_again(topic: Topic, set_back: float = 0.0, count: int = 5) -> None:
-    """Publish a map twice, and whenever the obstacle moves; its clock is set back by some s."""
+def map_sent_again(topic: Topic, set_back: float = 0.0, **others: Any) -> None:
+    """
+    Publish a map twice, and whenever the obstacle moves.
+
+    Its clock is set back by some s, or its other obstacles differ, after the first time.
+    """
     topic.until_subscribed()
-    _map(topic, topic.now(), topic.obstacle, count)
+    _map(topic, topic.now(), topic.obstacle)
     while not topic.is_over():
         time.sleep(0.5)
         was_touching = topic.touching
-        _map(topic, topic.now() - round(set_back * SECOND), topic.obstacle, count)
+        _map(topic, topic.now() - round(set_back * SECOND), topic.obstacle, **others)
         for _ in topic.every(0.02):
             if topic.touching != was_touching:
                 break

@@ -450,7 +450,7 @@ def _map_moves(stage: Stage) -> None:
 
 def _map_grows(stage: Stage) -> None:
     stage.leave()
-    stage.publish(publishers.map_sent_again, count=6)
+    stage.publish(publishers.map_sent_again, y=6.0)
     stage.wait(2.0)
 
 
@@ -538,7 +538,7 @@ SITUATIONS = {
     'the static transform of the frame of a map is corrected': Situation(
         _map_moves, 1.0, {**_MAP, 'frame_id': 'map'}, is_short=True),
     'a map of more than half of max_count is sent again': Situation(
-        _map_grows, 1.0, {**_MAP, 'obstacle.max_count': 10}, is_short=True),
+        _map_grows, 1.0, {**_MAP, 'obstacle.max_count': 8}, is_short=True),
     **{f'two messages of one id with one stamp, the id {instance}': Situation(
         _lasting(4.0, publishers.same_stamp, instance=instance, **_IDS), 1.4, _BY_ID,
         is_short=True) for instance in (0, 7)},

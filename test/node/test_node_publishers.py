@@ -69,8 +69,7 @@ def test_second_publisher_is_named_until_it_leaves(start, join, topic, kind, qos
 
 
 def test_topics_can_be_swapped_by_remapping(start):
-    monitor = start(arguments=['-r', 'footprint:=obstacles', '-r', 'obstacles:=footprint'],
-                    obstacle__set_end='empty_polygon')
+    monitor = start(arguments=['-r', 'footprint:=obstacles', '-r', 'obstacles:=footprint'])
     monitor.until(lambda: 'footprint footprint on /obstacles has no publisher; obstacle source '
                           'obstacle on /footprint has no publisher' in monitor.reason())
     monitor.send('obstacles', ROBOT)

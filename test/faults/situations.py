@@ -515,8 +515,9 @@ _REFUSED = {
     'a frame that nobody sends': {'frame_id': 'nowhere'}}
 
 SITUATIONS = {
-    **{f'{what}: {form}': Situation(partial(act, **options), promise, parameters,
-                                    is_short=act is _killed_in_a_set)
+    **{f'{what}: {form}': Situation(
+        partial(act, **options), promise, parameters,
+        is_short=act is _killed_in_a_set and form in ('empty polygons', 'nothing declared'))
        for what, act in (
            ('the monitor is stopped for 60 to 300 ms again and again', _monitor_stopped),
            ('the publisher is stopped for 60 to 300 ms again and again', _publisher_stopped),
@@ -524,12 +525,14 @@ SITUATIONS = {
            ('the publisher is stopped in the middle of a set, and goes on', _stopped_in_a_set))
        for form, (parameters, options, promise) in _FORMS.items()},
     **{f'each polygon is stamped when it is sent, 30 ms apart: {what}': Situation(
-        _lasting(4.0, publishers.own_stamps, marks=marks), promise, parameters, is_short=True)
+        _lasting(4.0, publishers.own_stamps, marks=marks), promise, parameters,
+        is_short=True)
        for what, marks, parameters, promise in (
            ('empty polygons', True, {}, 0.4), ('nothing declared', False, _NO_MARKS, 1.5),
            ('empty polygons that are not declared', True, _NO_MARKS, 1.5))},
     **{f'the first of a set has a stamp {what}: {form}': Situation(
-        _lasting(4.0, publishers.slow_clock, behind=behind), promise, parameters, is_short=True)
+        _lasting(4.0, publishers.slow_clock, behind=behind), promise, parameters,
+        is_short=not parameters)
        for what, behind in (('of the set before', 0.0), ('older than the set before', 0.15))
        for form, parameters, promise in (
            ('empty polygons', {}, 0.3), ('nothing declared', _NO_MARKS, 1.4))},

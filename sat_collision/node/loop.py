@@ -127,13 +127,15 @@ class Input:
     A subscription, the name of its footprint or source, and whether a message ends a rest.
 
     A footprint's message does, so that it is handled at once. `topic` is the name before
-    remapping, for the functions of rclpy that remap it themselves.
+    remapping, for the functions of rclpy that remap it themselves; `depth` is that of the queue
+    unless a parameter overrides it.
     """
 
     name: str
     subscription: Subscription
     ends_rest: bool = False
     topic: str = ''
+    depth: int = 0
 
     def matched(self) -> QoSSubscriptionMatchedInfo | None:
         """Return how the matched publishers have changed since this was last read, if known."""

@@ -153,7 +153,7 @@ class Publishers:
         topic, qos = one.subscription.topic_name, one.subscription.qos_profile
         name = '' if info.node_name == _UNKNOWN else (
             f'{info.node_namespace.rstrip("/")}/{info.node_name}')
-        problem = hint = ''
+        problem = hint = loss = ''
         expected = type_name(one.subscription.msg_type)
         if info.topic_type != expected:
             problem = f'of another type, {info.topic_type}, where {expected} is expected'
@@ -163,7 +163,13 @@ class Publishers:
               and qos.durability is not QoSDurabilityPolicy.TRANSIENT_LOCAL):
             hint = ('its publisher keeps what it has sent, of which nothing comes here: set '
                     f'qos_overrides.{topic}.subscription.durability: transient_local')
-        return Endpoint(bytes(info.endpoint_gid).hex(), name, problem, hint)
+        if info.qos_profile.reliability is QoSReliabilityPolicy.BEST_EFFORT:
+            loss = ('its publisher is best effort, which loses messages: make it reliable, or '
+                    'send each set as one message')
+        elif qos.depth < one.depth:
+            loss = (f'the queue here holds {qos.depth} messages: set qos_overrides.{topic}'
+                    '.subscription.depth to one more than max_count')
+        return Endpoint(bytes(info.endpoint_gid).hex(), name, problem, hint, loss)
 
 
 def publishers_of_tf(node: Node) -> set[str]:

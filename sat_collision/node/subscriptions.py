@@ -150,7 +150,7 @@ class Subscriptions:
             qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE))
         try:
             self.inputs.append(Input(source.name, create(),
-                                     isinstance(source, FootprintSettings), topic))
+                                     isinstance(source, FootprintSettings), topic, depth))
         except RuntimeError as error:
             raise ParameterError(f'{source.topic}: {error}') from error
         self._node.get_logger().info(f'{source.name}: {kind.__name__} on {source.topic}')

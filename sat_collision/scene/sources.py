@@ -22,7 +22,7 @@ from typing import Any, TypeAlias
 from sat_collision.geometry.polygon import PackedBody
 from sat_collision.geometry.run import Run
 from sat_collision.scene.contacts import Contacts
-from sat_collision.scene.knowledge import Listings, Message, Refreshed
+from sat_collision.scene.knowledge import Listings, LOSS, Message, Refreshed
 from sat_collision.scene.obstacle_store import (
     ObstacleGroup, ObstacleStore, OTHER_FRAME, SetGroup, Shape)
 from sat_collision.scene.settings import (
@@ -410,7 +410,7 @@ class Source:
             if problem and not words:
                 if self._is_far:
                     problem = f'has stamps that are {BY_ANOTHER_CLOCK}'
-                words = ['; '.join((problem, *self.stream.hints()))]
+                words = ['; '.join((problem, *self.stream.hints(LOSS in problem)))]
             if self._frame_fault:
                 words.append(self._frame_fault)
             if self._first < NEVER and self.timeout == NEVER:

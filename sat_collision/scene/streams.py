@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 import enum
+from itertools import chain
 from typing import NamedTuple
 
 from sat_collision.scene.settings import NEVER
@@ -49,6 +50,7 @@ class Endpoint(NamedTuple):
     node: str = ''  # full name of its node; empty while that is not known
     problem: str = ''  # why it cannot be received, and what to do: ends a sentence
     hint: str = ''  # which of its messages may be missing, likewise
+    loss: str = ''  # why messages may be lost, and what to do, likewise
 
 
 class Stream:
@@ -262,9 +264,10 @@ class Stream:
             faults.append('is being received again from the start')
         return faults
 
-    def hints(self) -> list[str]:
-        """Return which messages of the publishers may be missing."""
-        return [one.hint for one in self.publishers if one.hint]
+    def hints(self, is_lossy: bool = False) -> list[str]:
+        """Return which messages of the publishers may be missing, and why some were lost."""
+        return [*filter(None, chain.from_iterable(
+            (one.hint, one.loss if is_lossy else '') for one in self.publishers))]
 
 
 def _named(endpoint: Endpoint) -> str:

@@ -198,7 +198,7 @@ def parameters():
             'cart__points': [number for corner in OUTLINE
                              for number in (corner.real, corner.imag)],
             'cart__rate': 1000.0, 'seen__topic': '/obstacles', 'seen__type': 'polygon_instance',
-            'seen__timeout': 0.0, 'transform_timeout': 9.0, 'future_tolerance': 60.0}
+            'seen__timeout': 60.0, 'transform_timeout': 9.0, 'future_tolerance': 60.0}
 
 
 @pytest.mark.parametrize('seed', (0, 7))

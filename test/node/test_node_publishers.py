@@ -362,7 +362,8 @@ def graph():
                            get_publishers_info_by_topic=lambda _: [*infos])
     subscription = SimpleNamespace(topic_name='/obstacles', qos_profile=QoSProfile(depth=1),
                                    msg_type=PolygonStamped)
-    publishers = Publishers(node, [Input('obstacle', subscription, topic='obstacles')])
+    publishers = Publishers(
+        node, [Input('obstacle', subscription, topic='obstacles', depth=2)])
 
     def look(behind=()):
         news = dict(publishers.news(behind))
@@ -395,3 +396,15 @@ def test_new_publisher_is_reported_at_once_beside_one_that_has_gone(graph):
     infos[:] = [info('b')]
     assert [one.node for one in publishers.at_beginning('obstacle')] == ['/a', '/b']
     assert look() == ['/b']
+
+
+@pytest.mark.parametrize('qos, words', [
+    (QoSProfile(depth=1), 'the queue here holds 1 messages: set qos_overrides./obstacles'),
+    (BEST_EFFORT, 'its publisher is best effort')], ids=['depth', 'best effort'])
+def test_why_messages_may_be_lost_is_known(graph, qos, words):
+    infos, look, publishers = graph
+    infos.append(info('a'))
+    infos[0].qos_profile = qos
+    publishers._inputs[0].subscription.qos_profile.reliability = qos.reliability
+    look()
+    assert publishers.reported['obstacle'][0].loss.startswith(words)

@@ -29,7 +29,8 @@ SETTINGS = Settings(
     footprints=(FootprintSettings('robot', '/footprint', timeout=0.0),
                 FootprintSettings('cart', TF, timeout=0.0, frame_id='base', rate=1000.0,
                                   points=POINTS)),
-    obstacles=(ObstacleSettings('seen', '/obstacles', type='polygon_instance', timeout=60.0),))
+    obstacles=(ObstacleSettings('seen', '/obstacles', type='polygon_instance', timeout=60.0,
+                                assume_no_loss=True),))
 NAMES = {'/footprint': 'robot', '/obstacles': 'seen'}
 
 

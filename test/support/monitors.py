@@ -28,8 +28,10 @@ NOW = START
 SETTINGS = Settings(
     frame_id='map',
     footprints=(FootprintSettings('robot', '/footprint'),),
-    obstacles=(ObstacleSettings('lidar', '/polygons', set_end='empty_polygon'),
-               ObstacleSettings('tracks', '/tracks', type='polygon_instance', max_count=2)))
+    obstacles=(ObstacleSettings('lidar', '/polygons', set_end='empty_polygon',
+                                assume_no_loss=True),
+               ObstacleSettings('tracks', '/tracks', type='polygon_instance', max_count=2,
+                                assume_no_loss=True)))
 BOW_TIE = [(5, 5), (6, 6), (6, 5), (5, 6)]
 CIRCLE = [(math.cos(k / 500), math.sin(k / 500)) for k in range(2000)]
 

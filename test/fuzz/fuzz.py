@@ -38,12 +38,12 @@ from sat_collision.monitor import Monitor, Rejection  # noqa: E402
 from sat_collision.replay.model.configuration import settings_of  # noqa: E402
 from sat_collision.scene.footprints import Status  # noqa: E402
 from sat_collision.scene.parameters import declare_parameters, ParameterError  # noqa: E402
-from sat_collision.scene.settings import POLYGON_INSTANCE  # noqa: E402
+from sat_collision.scene.settings import POLYGON_INSTANCE, SET_ENDS  # noqa: E402
 
 _NUMBERS = (0.0, -0.0, 1.0, -1.0, 1e-45, 3.4e38, -3.4e38, 16777216.0, 0.1, math.inf, math.nan)
 _VALUES = (*_NUMBERS, None, True, False, 0, 1, -1, 7, 10**6, 10**30, 1e-3, 0.3, 50.0, 1e9, '',
            'a b', '/x', '~', '~/x', 'x' * 300, '\n', '{', 'obstacles', 'map', 'polygon',
-           'polygon_instance', [], ['a'], ['a', 'b'], ['a', 'a'], ['margin'], [1], ['a\nb'], {},
+           'polygon_instance', *SET_ENDS, [], ['a'], ['a', 'b'], ['a', 'a'], ['margin'], [1], ['a\nb'], {},
            b'x')
 _NAMES = ['no_such', 'a.topic', 'b.timeout']
 declare_parameters(lambda name, default, spec: (_NAMES.append(name), default)[1])
@@ -68,7 +68,7 @@ def check_message(data, name, monitor):
     assert rejection is None or (isinstance(rejection, Rejection)
                                  and rejection.text.isprintable() and len(rejection.text) < 900)
     try:
-        stamp, frame_id, (points, start, count), _ = decode(data, False)
+        stamp, frame_id, (points, start, count, _), _ = decode(data, False)
     except MessageError:
         return
     message = deserialize(data, PolygonStamped)
@@ -108,8 +108,9 @@ def fuzz_parameters(rng, monitor):
         now = 10**18 + rng.choice((0, 1, 10**8, 10**10)) * k
         for one in (*settings.footprints, *settings.obstacles):
             instance = 1 if getattr(one, 'type', '') == POLYGON_INSTANCE else None
-            made.receive(one.name, serialised(box(0.5 * k, 0), stamp=now, instance=instance), now)
-        made.advance(now + 1, True)
+            made.receive(one.name, serialised(box(0.5 * k, 0), stamp=now, instance=instance), now,
+                         k + 1)
+        made.advance(now + 1)
         made.scene.changes()
     for one in settings.footprints:
         if not (settings.enabled and one.enabled):

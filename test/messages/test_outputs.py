@@ -208,7 +208,8 @@ def scene():
     """Return a scene of two footprints and two sources with an empty set each."""
     scene = Scene(Settings(
         tuple(FootprintSettings(name, f'/{name}', timeout=0.0) for name in ('a', 'b')),
-        tuple(ObstacleSettings(name, f'/{name}', timeout=100.0) for name in ('map', 'people'))))
+        tuple(ObstacleSettings(name, f'/{name}', timeout=100.0, set_end='empty_polygon',
+                               assume_no_loss=True) for name in ('map', 'people'))))
     for name in ('map', 'people'):
         end(scene, name, SECOND // 2)
     return scene
@@ -357,6 +358,7 @@ def test_pairs_in_contact_and_unknown_footprints_have_no_axis(scene):
     place(scene, 'a', box(0, 0))
     for k, x in enumerate((1, 0.5), 1):
         place(scene, 'map', box(x, 0), k * SECOND)
+        end(scene, stamp=k * SECOND)
         assert ('nearest/axis', 0) not in drawn(scene)
     place(scene, 'map', box(3, 0), 3 * SECOND)
     end(scene, stamp=3 * SECOND)
@@ -367,7 +369,7 @@ def test_pairs_in_contact_and_unknown_footprints_have_no_axis(scene):
 
 
 def test_removed_bodies_are_not_drawn(scene):
-    """A refused footprint; after a step back in time only DELETEALL is left."""
+    """A refused footprint; after a step back in time only DELETEALL is left in the end."""
     markers = Markers()
     place(scene, 'a', box(0, 0))
     place(scene, 'b', box(5, 5))
@@ -376,6 +378,8 @@ def test_removed_bodies_are_not_drawn(scene):
     scene.refuse('b', 'not finite', 9 * SECOND, 9 * SECOND)
     assert not [ns for ns, _ in drawn(scene, markers) if ns.startswith('b/')]
     scene.pass_time(SECOND)
+    assert {ns for ns, _ in drawn(scene, markers)} == {'map/fill', 'map/outline'}
+    scene.pass_time(101 * SECOND + 1)
     assert drawn(scene, markers) == {}
 
 
@@ -402,6 +406,7 @@ def test_points_of_unchanged_polygons_are_reused(scene):
     markers = Markers()
     place(scene, 'a', box(0, 0))
     place(scene, 'map', box(7, 7))
+    end(scene)
     before = drawn(scene, markers)
     place(scene, 'map', box(8, 7), 2 * SECOND)
     end(scene, stamp=2 * SECOND)

@@ -22,6 +22,7 @@ from monitors import BOW_TIE, NOW, SETTINGS
 import pytest
 from sat_collision.messages.ingest import Batch
 from sat_collision.monitor import Monitor
+from sat_collision.scene.settings import EACH_MESSAGE, EMPTY_POLYGON, SET_ENDS
 from sat_collision.scene.streams import Endpoint
 
 NON_CONVEX = [(0, 3), (2, 3), (2, 5), (0, 5), (1, 4)]
@@ -77,10 +78,11 @@ def test_batches_give_the_same_as_single_messages(seed):
     What is known is the same if no contacts are decided.
     """
     source = random.Random(seed)
+    timeout, set_ends = source.choice((
+        (0.0, (EMPTY_POLYGON, EACH_MESSAGE)), (1.0, SET_ENDS), (1.0, SET_ENDS)))
     settings = replace(SETTINGS, margin=source.choice((0.0, 0.0, 0.5)), obstacles=(
         replace(SETTINGS.obstacles[0], max_count=source.choice((10, 100)),
-                timeout=source.choice((0.0, 1.0, 1.0)),
-                set_window=source.choice((0.0, 0.0, 0.02))),))
+                timeout=timeout, set_end=source.choice(set_ends)),))
     follows = source.choice((False, True))
     places = [], [], [], []
     monitors = [Monitor(settings, True, one if follows else None, decides_contacts=k < 3)
@@ -117,10 +119,10 @@ def test_batches_give_the_same_as_single_messages(seed):
             assert undecided.receive_batch('lidar', batch, now, first) == rejections
             rejected = []
             for k, data in enumerate(batch, first or 0):
-                expected = singly.receive('lidar', data, now, first and k)
-                assert alone.receive('lidar', data, now, first and k) == expected
+                expected = singly.receive_batch('lidar', [data], now, first and k)
+                assert alone.receive_batch('lidar', [data], now, first and k) == expected
                 assert snapshot(alone) == snapshot(singly)
-                rejected += [expected] if expected else []
+                rejected += expected
             assert [*rejections] == rejected
             assert snapshot(together) == snapshot(singly)
             names = {name for name, _ in singly.scene.obstacles}
@@ -175,8 +177,9 @@ def test_unusual_message_in_a_run_is_received_by_itself(
 
 def test_whole_sets_are_runs_if_no_contacts_are_decided():
     """From the second one on, by its header, but not what is odd; they count from their stamps."""
-    monitor = Monitor(replace(SETTINGS, obstacles=SETTINGS.obstacles[:1]), placements=[],
-                      decides_contacts=False)
+    monitor = Monitor(replace(SETTINGS, obstacles=(
+        replace(SETTINGS.obstacles[0], set_end='new_stamp'),)), placements=[],
+        decides_contacts=False)
     monitor.receive('robot', serialised(box(0)), NOW)
     taken = []
     for k in range(4):

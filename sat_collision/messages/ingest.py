@@ -193,9 +193,9 @@ class Ingest:
         if taken and placements is not None:
             first = begin
             listing = self._scene.joined(name)
-            if begin and placements and not placements[-1].is_empty and (
-                    placements[-1].points[0] is batch.messages[begin - 1]) and (
-                    (placements[-1].stamp, placements[-1].listing) == (stamp, listing)):
+            last = placements[-1] if begin and placements else None
+            if last and not last.is_empty and last.points[0] is batch.messages[begin - 1] and (
+                    (last.stamp, last.is_stamped, last.listing) == (stamp, True, listing)):
                 # The run begins with the message before, which has the same header.
                 placements.pop()
                 first -= 1
@@ -271,7 +271,8 @@ class Ingest:
                 return Rejection(name, settings.topic, problem.reason.value,
                                  f'polygon {k}: {problem}')
             if name in self.headers and points[2] and points[0] is data:
-                self.headers[name] = data[:points[1] - COUNT_SIZE], points[1], stamp, sent_in
+                self.headers[name] = (data[:points[1] - COUNT_SIZE], points[1],
+                                      header_stamp(data), sent_in)
             return None
         return self.reject(settings, refusal, detail_of(
             refusal, frame_id, scene.frame_id, (now - stamp) / 1e9, settings.timeout))

@@ -43,8 +43,8 @@ from sat_collision.scene.settings import POLYGON_INSTANCE, SET_ENDS  # noqa: E40
 _NUMBERS = (0.0, -0.0, 1.0, -1.0, 1e-45, 3.4e38, -3.4e38, 16777216.0, 0.1, math.inf, math.nan)
 _VALUES = (*_NUMBERS, None, True, False, 0, 1, -1, 7, 10**6, 10**30, 1e-3, 0.3, 50.0, 1e9, '',
            'a b', '/x', '~', '~/x', 'x' * 300, '\n', '{', 'obstacles', 'map', 'polygon',
-           'polygon_instance', *SET_ENDS, [], ['a'], ['a', 'b'], ['a', 'a'], ['margin'], [1], ['a\nb'], {},
-           b'x')
+           'polygon_instance', *SET_ENDS, [], ['a'], ['a', 'b'], ['a', 'a'], ['margin'], [1],
+           ['a\nb'], {}, b'x')
 _NAMES = ['no_such', 'a.topic', 'b.timeout']
 declare_parameters(lambda name, default, spec: (_NAMES.append(name), default)[1])
 

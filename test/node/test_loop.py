@@ -136,8 +136,8 @@ def test_lost_messages_are_counted(pausable):
         lambda: (health := monitor.health()) and 'obstacle: lost' in values(health) and health)
     assert values(status)['obstacle: lost'] == '40'
     assert 'messages lost' in status.message
-    words = ('has not sent a whole set since messages were lost; the queue here holds 10 messages: '
-             f'set {DEPTH} to one more than max_count')
+    words = ('has not sent a whole set since messages were lost; the queue here holds 10 '
+             f'messages: set {DEPTH} to one more than max_count')
     assert any(words in array.status[0].message for array in states)
     assert values(status)['obstacle: received'] == '11'
 

@@ -30,7 +30,7 @@ from page_parts import with_tables
 import scene
 
 PACKAGES = 'numpy', 'numba', 'shapely', 'rclpy'
-PARTS = 'kernel', 'scene', 'node', 'frames', 'startup'
+PARTS = 'kernel', 'scene', 'node', 'whole_sets', 'frames', 'startup'
 PLOTS = {'kernel': scene.plot, 'node': node.plot}
 _KERNELS = {'monitor': 'numba', 'plain': 'plain Python'}
 
@@ -64,6 +64,7 @@ def measure(quick, parts):
         'kernel': lambda: scene.measure_pairs(*((2_000, 3) if quick else (20_000, 7))),
         'scene': lambda: scene.measure(5 if quick else 25),
         'node': lambda: node.measure(seconds, repeats),
+        'whole_sets': lambda: node.measure_whole_sets(seconds, repeats),
         'frames': lambda: {**node.measure_frames(seconds, repeats),
                            'other_frame': scene.measure_other_frame(5 * repeats)},
         'startup': lambda: node.measure_startup(repeats)}
@@ -119,6 +120,12 @@ TABLES = {
         'message in the fixed frame': '{fixed_us:.1f} µs',
         'in another frame': lambda one: f'{one["fixed_us"] + one["more_us"]:.1f} µs',
         'transform to flag': '{p50_ms:.1f} ms, 99 of 100 below {p99_ms:.1f} ms'}),
+    'whole-sets': lambda figures: table_of(figures['whole_sets'], {
+        'obstacles': '{obstacles:,}', 'sat_collision': '{us:,.0f}', 'empty rclpy node': '{floor_us:,.0f}',
+        'times the empty node': '{ratio:.2f}',
+        'an obstacle': lambda one: f'{one["us"] / one["obstacles"]:.2f}',
+        'share of a core': '{core:.1%}',
+        'publish() to flag': '{p50_ms:.1f} ms, 99 of 100 below {p99_ms:.1f} ms'}),
     'rates': lambda figures: table_of(figures['node']['rates'], {
         'kernel': lambda rate: _KERNELS[rate['kind']], 'sent a second': '{sent_per_second:,.0f}',
         'lost': '{lost:,}', 'share of the core': '{core:.0%}'}),

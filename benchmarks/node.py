@@ -24,13 +24,14 @@ import contextlib
 import os
 from pathlib import Path
 import statistics
+import struct
 import subprocess
 import sys
 import tempfile
 import time
 
 from _shared import ROOT
-from builders import box, serialised, transforms
+from builders import box, collection, serialised, transforms
 from discovery import discover_promptly
 from geometry_msgs.msg import PolygonStamped
 from matplotlib import pyplot
@@ -38,17 +39,21 @@ from matplotlib.ticker import LogLocator
 import numpy as np
 import rclpy
 from std_msgs.msg import Bool
-from traffic import Reader, SET_RATE, Traffic, until
+from traffic import Reader, regular, SET_RATE, Traffic, until
 
 _PEERS = str(ROOT / 'benchmarks' / 'peers.py')
 _MONITOR = ['-m', 'sat_collision.node', '--ros-args', '-p', 'obstacle.set_end:=empty_polygon']
-NODES = {'monitor': _MONITOR, 'plain': _MONITOR, 'floor': [_PEERS, 'floor'],
+NODES = {'monitor': _MONITOR, 'whole_floor': [_PEERS, 'whole_floor'],
+         'whole': [*_MONITOR[:2], '--ros-args', '-p', 'obstacle.type:=polygon_collection', '-p',
+                   'footprint.timeout:=0.0'],
+         'plain': _MONITOR, 'floor': [_PEERS, 'floor'],
          'rival': [_PEERS, 'shapely'], 'frames': [_PEERS, 'frames'],
          'frames_floor': [_PEERS, 'frames_floor']}
 TITLES = {'monitor': 'sat_collision', 'floor': 'empty rclpy node',
           'rival': 'shapely in a callback'}
 _ENVIRONMENTS = {'plain': {'NUMBA_DISABLE_JIT': '1'}}
 OBSTACLES = 10, 100, 1000
+WHOLE_OBSTACLES = 10, 100, 1000, 10_000
 VERTICES = 4, 32
 RATES = 10_000, 20_000, 30_000, 60_000
 PLAIN_RATES = RATES[:2]
@@ -259,6 +264,89 @@ def measure_frames(seconds, repeats):
             'outline': cost(['base'], **_OUTLINE),
             'robots': cost(*([child] for child in children)),
             'latency': _percentiles(latencies, p50_ms=50, p99_ms=99)}
+
+
+class Collections:
+    """Sends sets in one message each, `SET_RATE` times a second, and one footprint."""
+
+    def __init__(self, obstacles):
+        # The type only with these messages, which not every environment has.
+        from polygon_msgs.msg import Polygon2DCollection
+        rng = np.random.default_rng(1)
+        self._sets = []
+        for k in range(8):
+            centres = rng.uniform(5.0, 200.0, (obstacles, 2))
+            # The footprint meets one in every other set.
+            centres[0] = (0.0, 0.0) if k % 2 else (-9.0, 0.0)
+            self._sets.append(collection([regular(4, x, y, 0.5) for x, y in centres], 0))
+        self._node = rclpy.create_node('collections')
+        self._flags = []
+        self._node.create_subscription(Bool, '/footprint_monitor/collision',
+                                       lambda flag: self._flags.append(flag.data), 100)
+        self._publisher = self._node.create_publisher(Polygon2DCollection, 'obstacles', 10)
+        self._footprint = self._node.create_publisher(PolygonStamped, 'footprint', 10)
+
+    def close(self):
+        self._node.destroy_node()
+
+    def _until(self, condition):
+        until(condition, lambda: rclpy.spin_once(self._node, timeout_sec=0.001))
+
+    def _publish(self, number):
+        message = self._sets[number % len(self._sets)]
+        self._publisher.publish(message[:4] + struct.pack('<iI', *divmod(time.time_ns(), 10**9))
+                                + message[12:])
+
+    def connect(self, nodes=1):
+        """Wait until a number of nodes are connected and one has answered."""
+        self._until(lambda: all(publisher.get_subscription_count() == nodes
+                                for publisher in (self._publisher, self._footprint)))
+        self._footprint.publish(serialised(box(0), time.time_ns(), 'map'))
+        self._await(1)
+
+    def _await(self, number):
+        """Publish a set until the flag is as it says."""
+        def is_answered():
+            self._publish(number)
+            return self._flags and self._flags[-1] == bool(number % 2)
+        self._until(is_answered)
+
+    def send(self, seconds):
+        """Send for some seconds; return how many messages."""
+        begin = time.monotonic()
+        count = round(seconds * SET_RATE)
+        for k in range(count):
+            time.sleep(max(begin + k / SET_RATE - time.monotonic(), 0.0))
+            self._publish(k)
+        return count
+
+    def latencies(self, count):
+        """Return the ms from publishing a set to the flag that it changes."""
+        self._await(1)
+        times = []
+        for k in range(count):
+            time.sleep(1 / SET_RATE)
+            begin = time.perf_counter()
+            self._publish(k)
+            self._until(lambda: self._flags[-1] == bool(k % 2))
+            times.append(1e3 * (time.perf_counter() - begin))
+        return times
+
+
+def measure_whole_sets(seconds, repeats):
+    """Return the cost and latency of sets in one message, beside the empty node."""
+    rows = []
+    for obstacles in WHOLE_OBSTACLES:
+        us, floor, ratio = together([('whole',), ('whole_floor',)],
+                                    lambda: Collections(obstacles), seconds, repeats)
+        with running('whole') as pid, contextlib.closing(Collections(obstacles)) as traffic:
+            traffic.connect()
+            pin(pid, max(os.sched_getaffinity(0)))
+            latencies = traffic.latencies(30 * repeats)
+        rows.append({'obstacles': obstacles, 'us': us, 'floor_us': floor, 'ratio': ratio,
+                     'core': us * SET_RATE / 1e6,
+                     **_percentiles(latencies, p50_ms=50, p99_ms=99)})
+    return rows
 
 
 def _first_flag(kind, **environment):

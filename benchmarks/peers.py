@@ -66,6 +66,8 @@ class Peer(Node):
 class Floor(Peer):
     """Answers a footprint by the sign of its first x, with as many flags as the monitor has."""
 
+    obstacles = PolygonStamped
+
     def __init__(self):
         super().__init__()
         self._flags = [serialize_message(Bool(data=raised)) for raised in (False, True)]
@@ -75,7 +77,7 @@ class Floor(Peer):
             self.create_publisher(Bool, topic, flag_qos())
             for topic in ('~/collision', '~/footprint/collision')]
         self.create_subscription(PolygonStamped, 'footprint', self._answer, 1, raw=True)
-        self.create_subscription(PolygonStamped, 'obstacles', self._count,
+        self.create_subscription(self.obstacles, 'obstacles', self._count,
                                  QoSProfile(depth=1000), raw=True)
         self.create_timer(_TICK, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -128,8 +130,11 @@ def _polygon(message):
     return shapely.Polygon([(point.x, point.y) for point in message.polygon.points])
 
 
-def run_floor():
+def run_floor(takes_collections=False):
     """Run the floor until a signal is received."""
+    if takes_collections:
+        from polygon_msgs.msg import Polygon2DCollection
+        Floor.obstacles = Polygon2DCollection
     end_on_signals()
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = Floor()
@@ -166,5 +171,5 @@ def run_monitor(ignores_transforms=False):
 
 
 if __name__ == '__main__':
-    sys.exit({'floor': run_floor, 'shapely': run_shapely, 'frames': run_monitor,
+    sys.exit({'floor': run_floor, 'whole_floor': lambda: run_floor(True), 'shapely': run_shapely, 'frames': run_monitor,
               'frames_floor': lambda: run_monitor(True)}[sys.argv[1]]())

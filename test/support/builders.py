@@ -66,7 +66,7 @@ def _polygons_2d_head(stamp, frame_id, order):
 def _with_points_2d(body, points, order):
     """Append the points of a polygon; padding is not zero, as from the middleware."""
     body += struct.pack(order + 'I', len(points))
-    if points:
+    if len(points):
         body += b'\xaa' * (-len(body) % 8)
     return body + b''.join(struct.pack(order + '2d', x, y) for x, y in points)
 

@@ -82,8 +82,14 @@ def pack(points, packed, max_vertices, max_non_convex):
 
     """
     require_nearest(len(points))
-    ring = scratch(len(points))
-    verdict, count, i, j = clean(points, ring, max_vertices, max_non_convex)
+    return write_packed(points, len(points) // 2, scratch(len(points)), scratch(len(points)),
+                        packed, max_vertices, max_non_convex)
+
+
+@inner
+def write_packed(points, received, ring, walk, packed, max_vertices, max_non_convex):
+    """Pack some points as `pack` does, with room for as many in ring and walk."""
+    verdict, count, i, j = clean(points, received, ring, walk, max_vertices, max_non_convex)
     first = 0
     if verdict == CONVEX or verdict == NON_CONVEX:
         first = HEADER + table_size(count)
@@ -119,27 +125,28 @@ def pack_convex(data, start, received, step, packed, max_vertices, affine):
 @kernel
 def moved_points(data, start, received, step, affine):
     """Return x, y of points, given as `polygon.Points`, as a flat array."""
+    points = scratch(2 * received)
     if step == PAIR:
-        return moved(words_and_doubles(data)[1], start // DOUBLE, step, received, affine)
-    return moved(words_and_floats(data)[1], start // WORD, step, received, affine)
+        move(words_and_doubles(data)[1], start // DOUBLE, step, received, affine, points)
+    else:
+        move(words_and_floats(data)[1], start // WORD, step, received, affine, points)
+    return points
 
 
 @inlined
-def moved(values, first, step, received, affine):
+def move(values, first, step, received, affine, points):
     """
-    Return x, y of points transformed by an affine map, of values from an index on.
+    Write x, y of points transformed by an affine map, of values from an index on.
 
     A point takes `step` values, x and y first. Each coordinate is rounded four times, see
     docs/exactness.md, lemma 14; not at all by UNMOVED.
     """
     a, b, c, d, e, f = affine
-    points = scratch(2 * received)
     for i in range(received):
         x = values[first + step * i]
         y = values[first + step * i + 1]
         points[2 * i] = a * x + b * y + c
         points[2 * i + 1] = d * x + e * y + f
-    return points
 
 
 @inner
@@ -210,9 +217,9 @@ def _write_table(ring, count, packed):
 
 
 @inner
-def clean(points, ring, max_vertices, max_non_convex):
+def clean(points, received, ring, walk, max_vertices, max_non_convex):
     """Write points as a ring, cleaned as `Polygon` says; return verdict, count, i, j of `pack`."""
-    verdict, count, clockwise, i = _classify(points, ring)
+    verdict, count, clockwise, i = _classify(points, received, ring, walk)
     j = i
     if count > max_vertices or (verdict == NON_CONVEX and count > max_non_convex):
         return TOO_MANY, count, i, j
@@ -226,7 +233,7 @@ def clean(points, ring, max_vertices, max_non_convex):
 
 
 @inner
-def _classify(points, ring):
+def _classify(points, received, ring, walk):
     """
     Write the clean ring; return verdict, vertex count, clockwise and index.
 
@@ -234,7 +241,7 @@ def _classify(points, ring):
     lexicographically smaller than both neighbours (docs/exactness.md, lemma 12). A ring that is
     NON_CONVEX here has still to be checked for crossings.
     """
-    walk, count, least = _drop_repeated(points)
+    count, least = _drop_repeated(points, received, walk)
     if count < 0:
         return NOT_FINITE, 0, False, -1 - count
     if count == 1:
@@ -284,14 +291,12 @@ def _classify(points, ring):
 
 
 @inner
-def _drop_repeated(points):
+def _drop_repeated(points, received, walk):
     """
-    Return the points without consecutive repetitions, their number and the index of the least.
+    Write points without consecutive repetitions; return their number and the index of the least.
 
     The number is -1 - i if point i is not finite; the least point is so by x, then y.
     """
-    received = len(points) // 2
-    walk = scratch(2 * received)
     count = 0
     least = 0
     for i in range(received):
@@ -299,7 +304,7 @@ def _drop_repeated(points):
         x = points[2 * i] + 0.0
         y = points[2 * i + 1] + 0.0
         if x - x != 0.0 or y - y != 0.0:
-            return walk, -1 - i, 0
+            return -1 - i, 0
         if count == 0 or x != walk[2 * count - 2] or y != walk[2 * count - 1]:
             walk[2 * count] = x
             walk[2 * count + 1] = y
@@ -308,7 +313,7 @@ def _drop_repeated(points):
             count += 1
     while count > 1 and walk[0] == walk[2 * count - 2] and walk[1] == walk[2 * count - 1]:
         count -= 1
-    return walk, count, least
+    return count, least
 
 
 @inner

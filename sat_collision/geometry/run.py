@@ -21,9 +21,11 @@ They are in messages that differ only in their points, or in one message that ha
 from typing import Any, TypeAlias
 
 from sat_collision.geometry.floating_point import require_nearest
-from sat_collision.geometry.jit import inner, kernel, words_and_doubles, words_and_floats
+from sat_collision.geometry.jit import (
+    inner, kernel, scratch, words_and_doubles, words_and_floats)
 from sat_collision.geometry.layout import rows_of
-from sat_collision.geometry.packing import clean, CONVEX, DOUBLE, moved, pack, PAIR, TRIPLE, WORD
+from sat_collision.geometry.packing import (
+    clean, CONVEX, DOUBLE, move, PAIR, TRIPLE, WORD, write_packed)
 from sat_collision.geometry.scan import box_gap, NO_ROOM, write_row
 
 # Messages that differ only in their points: their bytes, joined; the end of each but the last, an
@@ -80,6 +82,9 @@ def write_run(run, set_array, rows, row, limit, others, margin):
     count = min(limit, len(ends) // 2 - first if in_one else len(ends) + 1 - first)
     if is_placed:
         count = min(count, len(rows) - row)
+    points = scratch(2 * max_vertices + 2)
+    ring = scratch(2 * max_vertices + 2)
+    walk = scratch(2 * max_vertices + 2)
     for k in range(count):
         if is_placed and rows[row + k] < 0:
             return k
@@ -101,14 +106,17 @@ def write_run(run, set_array, rows, row, limit, others, margin):
             start = at + header + 1
         if not same:
             return k
-        points = (moved(doubles, start, PAIR, received, affine) if in_one
-                  else moved(values, start, TRIPLE, received, affine))
+        if in_one:
+            move(doubles, start, PAIR, received, affine, points)
+        else:
+            move(values, start, TRIPLE, received, affine, points)
         if not is_placed:
-            verdict, _, _, _ = clean(points, packed, max_vertices, 0)
+            verdict, _, _, _ = clean(points, received, ring, walk, max_vertices, 0)
             if verdict != CONVEX:
                 return k
             continue
-        verdict, vertices, _, _, _ = pack(points, packed, max_vertices, 0)
+        verdict, vertices, _, _, _ = write_packed(points, received, ring, walk, packed,
+                                                  max_vertices, 0)
         if verdict != CONVEX or _is_near(near, packed, margin) or (
                 write_row(set_array, rows[row + k], packed, vertices) == NO_ROOM):
             return k

@@ -98,7 +98,7 @@ class ObstacleGroup:
 
     @property
     def oldest(self) -> float:
-        """The earliest time of its obstacles; NEVER if there are none."""
+        """The time of what it forgets first; NEVER if there are none."""
         raise NotImplementedError
 
     def flush(self) -> None:
@@ -316,7 +316,7 @@ class KeyedGroup(ObstacleGroup):
 
     @property
     def oldest(self) -> float:
-        return min((one.time for one in next(iter(self._held.values()), ())), default=NEVER)
+        return max((one.time for one in next(iter(self._held.values()), ())), default=NEVER)
 
     @property
     def refusals(self) -> list[str]:
@@ -348,15 +348,23 @@ class KeyedGroup(ObstacleGroup):
             self._mark(held[-1], refusal)
         return refusal
 
-    def get(self, instance: int) -> Obstacle | None:
-        """Return where the newest stamp of an id says it is, None for an id that is not known."""
-        return next(iter(self._held.get(instance, ())), None)
+    def stamped(self, instance: int, stamp: int) -> Obstacle | None:
+        """Return where the newest stamp of an id says it is, if that is this one, and one place."""
+        held = self._held.get(instance, ())
+        return held[0] if [one.stamp for one in held].count(stamp) == 1 and (
+            held[0].stamp == stamp) else None
+
+    def forget_before(self, time: float) -> None:
+        """Drop ids whose times are all earlier, of those least recently received."""
+        self._forget_first(lambda one: one.time < time)
 
     def forget_stamped_before(self, stamp: float) -> None:
-        """Drop ids whose messages were all stamped earlier, of those least recently received."""
-        gone = [*takewhile(lambda held: all(one.stamp < stamp for one in held),
-                           self._held.values())]
-        self._forget([*chain.from_iterable(gone)])
+        """Drop ids whose stamps are all earlier, of those least recently received."""
+        self._forget_first(lambda one: one.stamp < stamp)
+
+    def _forget_first(self, is_gone: Callable[[Obstacle], bool]) -> None:
+        gone = takewhile(lambda held: all(map(is_gone, held)), self._held.values())
+        self._forget([*chain.from_iterable([*gone])])
 
     def clear(self) -> None:
         self._forget([*self])

@@ -35,7 +35,7 @@ TOO_OLD = 'too old'
 _MOVED = 'a part of it is not valid where its frame has moved'
 _OLD_FRAME = 'is a map in a frame whose transform is too old'
 
-_MAX_FORMER = 20
+_MAX_FORMER = 100
 _RULES = {EMPTY_POLYGON: 'empty polygon', NEW_STAMP: 'new stamp', EACH_MESSAGE: 'each message'}
 
 _Knowledge: TypeAlias = Listings | Refreshed
@@ -316,8 +316,8 @@ class Source:
     def track(self, instance: int, stamp: int, vertices: Vertices) -> None:
         """Track an obstacle by its id, vertices in the order sent, unless it is newer."""
         by_id = self.knowledge.by_id if isinstance(self.knowledge, Refreshed) else None
-        obstacle = by_id.get(instance) if by_id is not None else None
-        if obstacle is not None and obstacle.stamp == stamp:
+        obstacle = None if by_id is None else by_id.stamped(instance, stamp)
+        if obstacle is not None:
             obstacle.motion = obstacle.motion or MotionTracker()
             obstacle.motion.place(stamp, vertices)
 

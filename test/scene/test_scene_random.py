@@ -43,16 +43,17 @@ from sat_collision.scene.sources import TOO_OLD
 pytest.importorskip('shapely')
 
 from scene_model import SceneModel, with_one  # noqa: E402
-from source_model import nanoseconds  # noqa: E402
 
 MILLISECOND = SECOND // 1000
 START = 1000 * SECOND
 FOOTPRINTS = (FootprintSettings('robot', '/footprint', timeout=1.0),
               FootprintSettings('cart', '/cart', timeout=0.0, min_time_to_collision=1.0))
 SOURCES = {source.name: source for source in (
-    ObstacleSettings('sets', '/sets', timeout=0.6, max_count=3),
-    ObstacleSettings('map', '/map', timeout=0.0, max_count=8),
-    ObstacleSettings('kept', '/kept', timeout=0.7, accumulate=True, max_count=3),
+    ObstacleSettings('sets', '/sets', timeout=0.6, max_count=3, set_end='empty_polygon'),
+    ObstacleSettings('stamped', '/stamped', timeout=0.6, max_count=3, set_end='new_stamp'),
+    ObstacleSettings('single', '/single', timeout=0.6, set_end='each_message'),
+    ObstacleSettings('map', '/map', timeout=0.0, max_count=4, set_end='empty_polygon'),
+    ObstacleSettings('kept', '/kept', timeout=0.7, max_count=5),
     ObstacleSettings('tracks', '/tracks', timeout=0.5, type='polygon_instance', max_count=3,
                      moving=True))}
 
@@ -159,7 +160,7 @@ class SceneMachine(RuleBasedStateMachine):
         self.sources = names
         self.model = SceneModel(Settings(
             FOOTPRINTS, tuple(map(SOURCES.get, names)), frame_id='map', margin=margin,
-            horizon=HORIZON))
+            horizon=HORIZON, future_tolerance=0.1))
         self.received = self.ingest(self.model.settings)
         self.scene = self.received.scene
         self.scene.tracks_motion = True
@@ -171,11 +172,11 @@ class SceneMachine(RuleBasedStateMachine):
         if is_known:
             self.all_are_known()
 
-    @rule(milliseconds=waits, is_all_taken=st.sampled_from((True, True, False)))
-    def wait(self, milliseconds, is_all_taken=True):
+    @rule(milliseconds=waits)
+    def wait(self, milliseconds):
         self.now += milliseconds * MILLISECOND
-        self.scene.pass_time(self.now, is_all_taken)
-        self.model.pass_time(self.now, is_all_taken)
+        self.scene.pass_time(self.now)
+        self.model.pass_time(self.now)
 
     @rule()
     def step_back(self):
@@ -261,8 +262,10 @@ class SceneMachine(RuleBasedStateMachine):
             self._use(with_one(self.model.settings, name, enabled=True))
         for name in self.sources:
             self.restart(name)
-            self.end(name, nanoseconds(SOURCES[name].timeout) // MILLISECOND)
-            self.end(name, 0)
+        for milliseconds in (1, 410, 410):
+            self.wait(milliseconds)
+            for name in self.sources:
+                self.end(name, 0)
         for k in range(2):
             self.wait(20)
             self._place('robot', f'square {k} 1', 0)
@@ -288,13 +291,10 @@ class SceneMachine(RuleBasedStateMachine):
         self._changes_are_reported()
 
     def _obstacles_agree(self):
-        obstacles = Counter((*key_of(*obstacle), ring_of(obstacle[1]))
-                            for obstacle in self.scene.obstacles)
+        obstacles = Counter((*name, ring_of(polygon)) for name, polygon in self.scene.obstacles)
         assert obstacles == Counter(self.model.obstacles(self.now))
 
     def _states_agree(self):
-        keys = {obstacle: key_of(obstacle, polygon)
-                for obstacle, polygon in self.scene.obstacles}
         for footprint in FOOTPRINTS:
             state = self.scene.state(footprint.name)
             status, contacts, reasons = self.model.state(footprint.name, self.now)
@@ -304,7 +304,7 @@ class SceneMachine(RuleBasedStateMachine):
             assert state.status.value == status
             assert len(state.reasons) == len(reasons)
             assert all(map(str.startswith, state.reasons, reasons))
-            assert {keys[obstacle] for obstacle in state.contacts} == contacts
+            assert {*state.contacts} == contacts
             assert list(state.contacts) == sorted(state.contacts)
             assert state.age == self.model.age(footprint.name, self.now)
             self.seen[status] += 1
@@ -377,8 +377,9 @@ class SceneMachine(RuleBasedStateMachine):
         self.seen[refusal] += 1
 
     def _message(self, name, age, instance):
-        """Return stamp, current time, id and number."""
+        """Return stamp, current time, id and number; a map does not age, so none is ahead."""
         self.numbers[name] += 1
+        age = max(age, 0) if age and name == 'map' else age
         stamp = 0 if age is None else self.now - age * MILLISECOND
         return stamp, self.now, instance if name == 'tracks' else None, self.numbers[name]
 
@@ -395,11 +396,6 @@ class PolygonMachine(SceneMachine):
 
 class MessageMachine(SceneMachine):
     ingest = ByMessages
-
-
-def key_of(obstacle, polygon):
-    """Return the source and the key of an obstacle in the model: its number or its ring."""
-    return obstacle.source, obstacle.key if obstacle.key >= 0 else ring_of(polygon)
 
 
 def ring_of(polygon):

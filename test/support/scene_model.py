@@ -70,19 +70,21 @@ class SceneModel:
         self.settings = settings
         self.tracks_motion = True
         self._footprints = {one.name: Place() for one in settings.footprints}
-        self._sources = {one.name: SourceModel(one) for one in settings.obstacles}
+        self._sources = {
+            one.name: SourceModel(one, nanoseconds(settings.future_tolerance))
+            for one in settings.obstacles}
 
     def step_back(self, now):
         """Step back in time."""
         self._footprints = dict.fromkeys(self._footprints, Place(
-            fault='has not been received since the clock was set back'))
+            fault='has not been received since the clock was set'))
         for source in self._sources.values():
             source.step_back(now)
 
-    def pass_time(self, now, is_all_taken=True):
+    def pass_time(self, now):
         """Let time pass."""
         for source in self._sources.values():
-            source.pass_time(now, is_all_taken)
+            source.pass_time(now)
 
     def use(self, settings):
         """Apply settings with the same names; what is disabled or enabled is reset."""
@@ -106,9 +108,10 @@ class SceneModel:
         if not settings.enabled:
             return None
         if stamp is not None and stamp > now + nanoseconds(self.settings.future_tolerance):
-            # Without a valid stamp it belongs to no set; an empty polygon has no instance.
-            if ring is None and refusal is None:
-                instance = None
+            if ring is None and refusal is None and settings.set_end == 'empty_polygon':
+                # A mark ends a set whatever its stamp.
+                self._sources[name].receive(Message(None, None, 0, now, None, number))
+                return FROM_FUTURE
             ring, stamp = None, None
             refusal = FROM_FUTURE if refusal in (None, OTHER_FRAME) else refusal
         if name in self._sources:
@@ -188,12 +191,8 @@ class SceneModel:
         if not enabled:
             return ['none of its obstacle sources is enabled' if settings.obstacles
                     else 'no obstacle source is enabled']
-        return [
-            f'obstacle source {source.settings.name} on {source.settings.topic} {words}'
-            for source in enabled for words in (
-                *([] if source.is_known(now) else ['']),
-                *sorted({f'sent what was refused: {one.refusal}'
-                         for one in source.held(now) if one.refusal}))]
+        return [f'obstacle source {source.settings.name} on {source.settings.topic} '
+                for source in enabled if not source.is_known(now)]
 
 
 def with_one(settings, name, **changes):

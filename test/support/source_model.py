@@ -13,22 +13,25 @@
 # limitations under the License.
 
 """
-A model of a source of obstacles, see scene_model: its obstacles, and whether it is known.
+A model of a source of obstacles, see scene_model: its obstacles, and whether all are known.
 
-It follows the rules of docs/knowing.md literally. A listing is a log of all its messages; each
-query reads it from the start. Publishers are not announced: a stream begins with number 1, or with
-a number that was already received. Times are in ns.
+It follows the rules of docs/knowing.md literally. What came since knowledge began is a log of all
+messages; each query reads it from the start. Publishers are not announced: a stream begins with
+number 1, or with a number that was already received. Times are in ns.
 """
 
-from dataclasses import dataclass, field
-from itertools import dropwhile, filterfalse
+from dataclasses import dataclass, field, replace as changed
+from itertools import dropwhile
 from math import inf
 from typing import NamedTuple
 
 from builders import SECOND
 from sat_collision.scene.obstacle_store import TOO_MANY
-from sat_collision.scene.settings import POLYGON_INSTANCE
 from sat_collision.scene.sources import TOO_OLD
+
+# At most so many sets that are not whole are kept, a map is received in so long, and obstacles
+# stamped in the same one of so many parts of a timeout are forgotten together.
+MOST_NEWER, LONGEST_OPEN, PARTS = 20, SECOND, 32
 
 
 class Message(NamedTuple):
@@ -36,188 +39,213 @@ class Message(NamedTuple):
 
     ring: tuple | None
     refusal: str | None
-    stamp: int | None
+    stamp: int | None  # as in its header; None if it was not read
     now: int
     instance: int | None
     number: int
-    is_first: bool = False
-    is_after_gap: bool = False
+    is_first: bool = False  # whether it has number 1
+    is_next: bool = False  # whether nothing is missing between it and the one before
+
+    @property
+    def sent(self):
+        """Return its stamp, that of its arrival if it has none."""
+        return self.stamp or self.now
 
     @property
     def time(self):
-        return min(self.stamp or self.now, self.now)
+        return min(self.sent, self.now)
 
     @property
-    def is_end(self):
+    def is_empty(self):
         return self.ring is None and self.refusal is None
 
-    @property
-    def key(self):
-        """Return the id, otherwise the ring; None if it could not be read."""
-        return self.ring if self.instance is None else self.instance
 
-
-class Obstacle(NamedTuple):
+@dataclass
+class Obstacle:
     """An obstacle, or a placeholder of a refused one."""
 
-    key: object
+    key: int
     ring: tuple | None
-    refusal: str | None
     time: int
-    listing: int = 0
+    stamp: int = 0
+    refusal: str | None = None
     places: tuple = ()
 
 
 @dataclass
-class Set:
-    """A run of messages that is taken as a set."""
+class Listing:
+    """What is sent until the next mark, stamp or message, as is declared."""
 
-    start: int
-    last: int
     is_sound: bool
-    count: int = 0
-    is_ended: bool = False
-    is_whole: bool = False
+    stamp: int | None = None
     times: list = field(default_factory=list)
+    begun: int | None = None
     members: list = field(default_factory=list)
 
 
-def read_sets(settings, log, now):
-    """Return the obstacles of the last whole set and later ones, and whether they are known."""
-    window, max_count = nanoseconds(settings.set_window), settings.max_count
-    sets = []
-    is_missing = is_doubtful = is_cut = is_too_large = False
+def read_listings(settings, _, log, now):
+    """Return groups of what is held, whether all is known, and the answer to the last message."""
+    timeout, is_map = timeout_of(settings), not settings.timeout
+    whole, newer, current = None, [], Listing(False)
+    is_doubtful = is_unread = False
+    answer = None
 
-    def prove(one):
-        nonlocal is_doubtful, is_cut, is_too_large
-        if one.is_sound and not one.is_whole:
-            sets[:] = [one]
-            one.is_whole, is_too_large = True, one.count > max_count
-            is_doubtful = is_cut = False
+    def is_young(time):
+        return time is not None and min(whole.times) + timeout >= time
 
-    for message in log:
-        last = sets[-1] if sets else None
-        is_unreadable = not message.stamp and not message.is_end
-        is_missing |= message.is_after_gap or is_unreadable
-        if is_missing and last and not last.is_whole:
-            last.is_sound = False
-        is_doubtful |= is_unreadable
-        if not message.stamp:
-            continue
-        is_next, is_missing = last is not None and not is_missing, False
-        is_near = last and not last.is_ended and abs(message.stamp - last.start) <= window
-        if not (is_near and (last.count < max_count or is_next and message.is_end)
-                or is_next and message.stamp == last.last):
-            cuts = bool(last) and not last.is_ended and abs(message.stamp - last.last) <= window
-            if is_next and not cuts:
-                prove(last)
-            is_cut |= cuts
-            last = Set(message.stamp, message.stamp, message.is_first or is_next and not cuts)
-            sets.append(last)
-        elif not message.is_end:
-            last.last = max(last.last, message.stamp)
-        last.times.append(message.time)
-        if message.is_end:
-            last.is_ended = True
-            prove(last)
-            continue
-        last.count += 1
-        if not is_past(settings, message.time, message.now):
-            place = min(len(last.members), max_count)
-            refusal = message.refusal or (TOO_MANY if place == max_count else None)
-            last.members[place:] = [
-                Obstacle(place, None if refusal else message.ring, refusal, message.time)]
-        if last.count == max_count and not is_cut and not is_too_large:
-            prove(last)
-        is_too_large |= last.count > max_count
-    is_known = bool(sets) and sets[0].is_whole and not is_doubtful and not is_cut and (
-        not is_past(settings, min(sets[0].times), now))
-    return [member for one in sets for member in one.members
-            if is_known or not is_past(settings, member.time, now)], is_known
+    def close():
+        nonlocal whole, newer, current, is_doubtful
+        if current.is_sound:
+            whole, newer, is_doubtful = current, [], False
+        elif current.members:
+            newer.append(current)
+            if len(newer) > MOST_NEWER:
+                newer.pop(0)
+                is_doubtful = True
+        current = Listing(True, current.stamp)
 
+    def separate(message):
+        before = current
+        if before.stamp is None or message.sent == before.stamp and before.times:
+            return
+        is_newer = message.sent > before.stamp
+        before.is_sound &= is_newer
+        if before.times:
+            close()
+        current.is_sound &= is_newer and message.is_next and not is_unread
 
-def read_keys(settings, log, now):
-    """Return the obstacles by id or ring, and whether all of one timeout has been received."""
-    held, since, last = {}, None, -inf
-
-    def forget(time):
-        while held and is_past(settings, next(iter(held.values())).time, time):
-            del held[next(iter(held))]
-
-    def fall_silent(time):
-        nonlocal since
-        if is_past(settings, last, time):
-            since = None
-            forget(time)
-
-    def miss(time):
-        nonlocal since, last
-        since = last = max(time, last)
-
-    for message in log:
-        fall_silent(message.now)
-        is_lost = message.is_first or message.is_after_gap
-        is_refused = message.refusal and (message.stamp is None or message.key is None)
-        if not is_refused:
-            if since is None or is_lost:
-                since = max(message.time, last)
-            last = max(message.time, last)
-            forget(last)
-        elif is_lost or message.key is None:
-            miss(message.now)
-        if not place(settings, held, message):
-            miss(message.now)
-    fall_silent(now)
-    return [*held.values()], since is not None and since + nanoseconds(settings.timeout) <= last
-
-
-def read_map(settings, log, now):
-    """Return the obstacles of a map, and whether it is known; a time in the log is no pause."""
-    held, listing, is_begun, is_known = {}, 0, False, False
-    quiet_since = None
-
-    def has_settled(time):
-        return quiet_since is not None and (
-            quiet_since + nanoseconds(settings.settle_time) < time)
+    def expire(time):
+        nonlocal whole, is_doubtful
+        if whole and not is_young(time):
+            newer.insert(0, whole)
+            whole = None
+        if is_map and current.begun is not None and abs(time - current.begun) > LONGEST_OPEN:
+            is_doubtful = True
 
     for message in log:
         if not isinstance(message, Message):
-            quiet_since = None if quiet_since is None else message
+            expire(message)
             continue
-        if has_settled(message.now):
-            quiet_since, is_known = None, True
+        expire(message.now)
+        answer = message.refusal
+        is_lost = not message.is_first and not message.is_next and message is not log[0]
         if message.is_first:
-            is_begun, quiet_since = True, message.now
-        elif quiet_since is not None:
-            quiet_since = message.now
-        has_room = place(settings, held, message, listing)
-        if message.is_after_gap or message.refusal or not has_room:
-            is_begun, is_known, quiet_since = False, False, None
-        if message.is_end:
-            if is_begun:
-                is_known = True
-                held = {key: one for key, one in held.items() if one.listing == listing}
-            listing, is_begun, quiet_since = listing + 1, True, None
-    return [*held.values()], is_known or has_settled(now)
+            current.is_sound = True
+        if is_lost:
+            current.is_sound = False
+            is_doubtful |= is_map
+        if message.stamp is None:
+            current.is_sound, is_doubtful, is_unread = False, True, True
+            continue
+        if settings.set_end == 'new_stamp':
+            if message.is_empty and message.sent == current.stamp:
+                continue
+            separate(message)
+        is_unread = False
+        if settings.set_end == 'each_message':
+            current.is_sound = not (whole and message.sent < whole.stamp and not is_map)
+        current.stamp = message.sent
+        if message.is_empty:
+            current.times = current.times or [message.time]
+            close()
+            continue
+        current.times.append(message.time)
+        current.begun = message.now if current.begun is None else current.begun
+        if not answer and len(current.members) >= settings.max_count:
+            answer = TOO_MANY
+        if answer:
+            current.is_sound, is_doubtful = False, True
+        else:
+            current.members.append(Obstacle(len(current.members), message.ring, message.time))
+        if settings.set_end == 'each_message':
+            close()
+    expire(now)
+    groups = [one.members for one in ([whole] if whole else []) + newer + [current]]
+    if whole is None:
+        groups = [filtered(group, now - timeout) for group in groups]
+    return groups, whole is not None and not is_doubtful, answer
 
 
-def place(settings, held, message, listing=0):
-    """Put an obstacle where its newest stamp says; return whether there is room for it."""
-    key = message.key
-    if key is None or message.is_end or is_past(settings, message.time, message.now):
-        return True
-    before = held.pop(key, None)
-    if before is None and len(held) >= settings.max_count:
-        return False
-    if before and message.time < before.time:
-        held[key] = before
-        return True
-    places = before.places if before else ()
-    if not message.refusal:
-        places = followed_by(places, message.time, message.ring)
-    held[key] = Obstacle(key, None if message.refusal else message.ring, message.refusal,
-                         message.time, listing, places)
-    return True
+def read_refreshed(settings, tolerance, log, now):
+    """As `read_listings`, of obstacles that are sent again and again."""
+    timeout = timeout_of(settings)
+    part = max(timeout // PARTS, 1)
+    parts, counts, ids = {}, {}, {}
+    begun, newest, heard, is_known = None, -inf, -inf, False
+    answer = None
+
+    def fall_silent(time):
+        nonlocal begun, is_known, ids
+        if heard + timeout < time:
+            begun, is_known = None, False
+            ids = without_first(ids, lambda one: one.time + timeout < time)
+            for end in [*parts]:
+                parts[end] = filtered(parts[end], time - timeout)
+                if not parts[end]:
+                    del parts[end], counts[end]
+
+    def miss(time):
+        nonlocal begun, is_known
+        begun, is_known = time, False
+
+    for message in log:
+        fall_silent(message.now)
+        answer, instance, stamp = message.refusal, message.instance, message.sent
+        if answer and (message.stamp is None or not instance):
+            miss(message.now)
+            continue
+        if message.is_empty and not message.stamp:
+            if not message.is_next:
+                miss(message.now)
+            continue
+        if not message.is_next or begun is None or newest + timeout < stamp:
+            miss(message.now)
+        heard, newest = max(heard, message.time), max(newest, stamp)
+        ids = without_first(ids, lambda one: one.stamp < stamp - timeout)
+        for end in [end for end in parts if end <= stamp - timeout]:
+            del parts[end], counts[end]
+        if stamp > begun + timeout + tolerance and heard + timeout >= message.now:
+            is_known = True
+        if message.is_empty:
+            continue
+        has_room = sum(counts.values()) + sum(map(len, ids.values())) < settings.max_count
+        if not instance:
+            if has_room:
+                end = (stamp // part + 1) * part
+                count = counts[end] = counts.get(end, 0) + 1
+                parts.setdefault(end, []).append(Obstacle(count - 1, message.ring, message.time))
+        else:
+            has_room = put(ids, message, has_room, timeout)
+        if not has_room:
+            answer = TOO_MANY
+            miss(message.now)
+    fall_silent(now)
+    has_refused = any(one.refusal for held in ids.values() for one in held)
+    return [ids, *parts.values()], is_known and not has_refused, answer
+
+
+def put(ids, message, has_room, timeout):
+    """Put an obstacle where its newest stamp says, or beside that; return if there was room."""
+    held = ids.pop(message.instance, [])
+    one = Obstacle(message.instance, message.ring, message.time, message.sent, message.refusal)
+    if held and one.stamp > held[0].stamp:
+        one.places, held, has_room = held[0].places, [], True
+    if has_room:
+        if message.ring and not held and message.time + timeout >= message.now:
+            one.places = followed_by(one.places, one.time, one.ring)
+        held.append(one)
+    if held:
+        ids[message.instance] = held
+    return has_room
+
+
+def filtered(obstacles, oldest):
+    return [one for one in obstacles if one.time >= oldest]
+
+
+def without_first(ids, is_gone):
+    """Drop the ids all of whose obstacles are gone, of those least recently received."""
+    return dict(dropwhile(lambda item: all(map(is_gone, item[1])), ids.items()))
 
 
 def followed_by(places, time, ring):
@@ -239,93 +267,111 @@ def velocity_of(places, time):
 
 
 class SourceModel:
-    """One source of obstacles: the log of its listing, and remains of earlier ones."""
+    """One source of obstacles: the log since knowledge began, and what was told before."""
 
-    def __init__(self, settings):
+    def __init__(self, settings, tolerance):
         self.settings = settings
-        self._read = (read_map if not settings.timeout else
-                      read_sets if self._has_sets else read_keys)
-        # How each former listing is filtered as it becomes stale, and its obstacles.
+        self._tolerance = tolerance
+        self._read = read_refreshed if settings.set_end == 'none' else read_listings
+        # Groups of what was told before: lists, or dicts of lists by id.
         self._former = []
         self._log = []
         self._next = None
-        self._question = self._answer = None
+        self._now = 0
+        self._question = self._result = None
 
     def switch(self, settings):
         """Reset it when it is disabled or enabled."""
         self.settings = settings
-        self._forget()
+        self._log, self._former, self._next = [], [], None
 
     def step_back(self, now):
-        """Drop everything that has a time."""
+        """Begin anew: what was told before counts for one more timeout."""
         if self.settings.timeout:
-            self._forget()
+            self._next = None
+            self._begin_anew(now, time=now)
         else:
             self._log.append(now)
+        self._now = now
 
-    def pass_time(self, now, is_all_taken=True):
-        """Let time pass; while messages may be queued, it is no pause."""
-        if not is_all_taken and self._read is read_map:
-            self._log.append(now)
-        if self._read is read_map and self.is_known(now):
+    def pass_time(self, now):
+        """Let time pass; a whole map ends what was told before."""
+        self._now = now
+        if not self.settings.timeout and self.is_known(now):
             self._former.clear()
 
     def receive(self, message):
         """Receive a message; return why it is refused, None if it is not."""
-        self.pass_time(message.now)
+        settings, now = self.settings, message.now
+        self.pass_time(now)
         expected, self._next = self._next, message.number + 1
-        if expected is None or message.number < expected:
-            self._begin_anew(self._read, message.now)
-        if self._has_sets and self.settings.timeout and message.stamp is not None and (
-                message.stamp or not message.is_end):
-            read = read_sets if message.stamp else read_keys
-            if read is not self._read:
-                self._begin_anew(read, message.now)
-        self._log.append(message._replace(
-            is_first=message.number == 1,
-            is_after_gap=message.number not in (1, expected)))
-        self.pass_time(message.now)
-        if is_past(self.settings, message.time, message.now):
-            return TOO_OLD
-        if message.refusal or message.is_end:
-            return message.refusal
-        held, _ = self._listed(message.now)
-        if self._read is read_sets:
-            return held[-1].refusal
-        return None if message.key in {one.key for one in held} else TOO_MANY
+        is_old = message.time + timeout_of(settings) < now
+        is_mark = message.is_empty and settings.set_end == 'empty_polygon'
+        is_joined = expected is None or message.number < expected
+        if is_joined:
+            self._begin_anew(now)
+        elif message.stamp and not is_mark and settings.timeout and (
+                message.stamp + timeout_of(settings) < self._newest()):
+            is_joined = True
+            self._begin_anew(now, time=now)
+        self._log.append(message._replace(is_first=message.number == 1,
+                                          is_next=not is_joined and message.number == expected))
+        self.pass_time(now)
+        return self._reading(now)[2] or (TOO_OLD if is_old and not is_mark else None)
 
     def held(self, now):
         """Return all obstacles, including the placeholders of refused messages."""
-        return self._listed(now)[0] + [one for only, former in self._former for one in only(
-            lambda one: is_past(self.settings, one.time, now), former)]
+        groups = self._reading(now)[0] + self._still(self._former, now)
+        return [one for group in groups for one in members_of(group)]
 
     def is_known(self, now):
-        return self._listed(now)[1]
+        return self._reading(now)[1]
 
-    @property
-    def _has_sets(self):
-        return self.settings.type != POLYGON_INSTANCE and not self.settings.accumulate
+    def _newest(self):
+        """Return the newest stamp: of obstacles, without listings of all that show life."""
+        return max((one.sent for one in self._log if isinstance(one, Message)
+                    and one.stamp is not None and (
+                        not one.is_empty if self._read is read_listings else
+                        one.stamp if one.is_empty else not one.refusal or one.instance)),
+                   default=-inf)
 
-    def _listed(self, now):
+    def _reading(self, now):
         """Read the log, unless nothing has changed since the last query."""
-        question = self._read, self._log, len(self._log), now
+        question = self._log, len(self._log), now
         if question != self._question:
-            self._question, self._answer = question, self._read(self.settings, self._log, now)
-        return self._answer
+            self._question = question
+            self._result = self._read(self.settings, self._tolerance, self._log, now)
+        return self._result
 
-    def _begin_anew(self, read, now):
-        self._former.append((filterfalse if self._read is read_sets else dropwhile,
-                             [one for one in self._listed(now)[0] if not one.refusal]))
-        self._read, self._log = read, []
+    def _begin_anew(self, now, time=None):
+        """Keep what is held, from another time on if one is given."""
+        groups = self._reading(self._now)[0]
+        self._former = self._still(self._former, self._now) + self._still(groups, now)
+        if time is not None:
+            self._former = [{key: [changed(one, time=time) for one in held]
+                             for key, held in group.items()} if isinstance(group, dict) else
+                            [changed(one, time=time) for one in group] for group in self._former]
+        self._log = []
 
-    def _forget(self):
-        self._log, self._former = [], []
+    def _still(self, groups, now):
+        """Return what of some groups is not older than the timeout."""
+        oldest = now - timeout_of(self.settings)
+        return [without_first(group, lambda one: one.time < oldest) if isinstance(group, dict)
+                else filtered(group, oldest) for group in groups]
+
+
+def members_of(group):
+    return [one for held in group.values() for one in held] if isinstance(group, dict) else group
 
 
 def nanoseconds(seconds):
     return round(seconds * SECOND)
 
 
+def timeout_of(settings):
+    return nanoseconds(settings.timeout) or inf
+
+
 def is_past(settings, time, now):
     """Tell whether a time is older than the timeout, if that is not 0."""
-    return settings.timeout > 0 and now - time > nanoseconds(settings.timeout)
+    return now - time > timeout_of(settings)

@@ -350,7 +350,7 @@ class KeyedGroup(ObstacleGroup):
 
     def stamped(self, instance: int, stamp: int) -> Obstacle | None:
         """Return where the newest stamp of an id says it is, if that is this one, and one place."""
-        held = self._held.get(instance, ())
+        held = self._held.get(instance, [])
         return held[0] if [one.stamp for one in held].count(stamp) == 1 and (
             held[0].stamp == stamp) else None
 

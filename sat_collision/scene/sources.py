@@ -35,6 +35,7 @@ TOO_OLD = 'too old'
 _MOVED = 'a part of it is not valid where its frame has moved'
 _OLD_FRAME = 'is a map in a frame whose transform is too old'
 
+# Max groups of obstacles kept that were told before knowledge began anew.
 _MAX_FORMER = 100
 _RULES = {EMPTY_POLYGON: 'empty polygon', NEW_STAMP: 'new stamp', EACH_MESSAGE: 'each message'}
 
@@ -373,6 +374,9 @@ class Source:
                 group.clear()
         self.knowledge = self._new_knowledge()
         self.knowledge.wants_history = wants_history and self.timeout == NEVER
+        while len(self._former) > _MAX_FORMER:
+            self._former.pop(0).clear()
+            self.knowledge.miss('it began anew too often', now)
         self._drop_former()
 
     def _count_from(self, now: int) -> None:
@@ -381,14 +385,13 @@ class Source:
             group.set_times(now)
 
     def _drop_former(self, all_of_them: bool = False) -> None:
-        """Drop former listings that have expired, are replaced, or are too many."""
+        """Drop former groups that have expired or are replaced."""
         is_replaced = all_of_them or (
             self.timeout == NEVER and self.knowledge.is_known and self.stream.is_alone
             and not self.stream.is_again)
-        for k, group in reversed([*enumerate(self._former)]):
-            if group is not self._mixed and (is_replaced or group.oldest == NEVER
-                                             or k < len(self._former) - _MAX_FORMER):
-                del self._former[k]
+        for group in [*self._former]:
+            if group is not self._mixed and (is_replaced or group.oldest == NEVER):
+                self._former.remove(group)
                 group.clear()
 
     def _find_faults(self, now: int) -> None:

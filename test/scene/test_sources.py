@@ -454,10 +454,11 @@ def test_memory_is_bounded_by_max_count(settings):
         source.receive(square(number).packed, 'map', now, now, number, 2 * number + 1)
         source.receive(None, 'map', now, now, -1 - number, 2 * number + 2, 'not finite')
     assert 2 < len([*source.store]) <= 5
-    for _ in range(100):
+    for _ in range(200):
         source.set_back(now)
         source.receive(square(1).packed, 'map', now, now, 1, 7)
-    assert len(source.store.groups) < 50
+    assert len(source.store.groups) < 110
+    assert source.faults
 
 
 # --- publishers

@@ -32,9 +32,10 @@ from source_model import (
 
 
 class Place(NamedTuple):
-    """The last position of a footprint and its time, or what is wrong with it."""
+    """The last position of a footprint, its stamp and time, or what is wrong with it."""
 
     ring: tuple | None = None
+    stamp: int | None = None
     time: int | None = None
     fault: str = 'has not been received yet'
     places: tuple = ()
@@ -128,8 +129,8 @@ class SceneModel:
             return OVERTAKEN
         places = () if last.fault else last.places
         if self.tracks_motion or settings.min_time_to_collision:
-            places = followed_by(places, time, ring)
-        self._footprints[name] = Place(ring, time, '', places)
+            places = followed_by(places, stamp or now, ring)
+        self._footprints[name] = Place(ring, stamp or now, time, '', places)
         return None
 
     def obstacles(self, now):
@@ -148,7 +149,7 @@ class SceneModel:
         own = settings.obstacles or self._sources
         monitored = [source for key, source in self._sources.items() if key in own]
         faults = self._faults(settings, monitored, now)
-        ring, time, fault, _ = self._footprints[name]
+        ring, _, time, fault, _ = self._footprints[name]
         if not fault and is_past(settings, time, now):
             fault = f'is older than its timeout of {settings.timeout:g} s'
         if fault:
@@ -163,13 +164,13 @@ class SceneModel:
         """Return what a footprint without contact moves towards, None while that is unknown."""
         settings, place = self.settings_of(name), self._footprints[name]
         own = settings.obstacles or self._sources
-        velocity = self.state(name, now)[0] == 'clear' and velocity_of(place.places, place.time)
+        velocity = self.state(name, now)[0] == 'clear' and velocity_of(place.places, place.stamp)
         if not velocity or any(velocity) and now - place.time > 2 * SECOND:
             return None
         others, unknown = [], set()
         for source, one in self._held(now):
             moves = source in own and self.settings_of(source).moving
-            course = velocity_of(one.places, one.time) if moves else (0.0, 0.0)
+            course = velocity_of(one.places, one.stamp) if moves else (0.0, 0.0)
             if course is None:
                 unknown.add((source, one.key))
             if source in own:

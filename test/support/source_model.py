@@ -232,7 +232,7 @@ def put(ids, message, has_room, timeout):
         one.places, held, has_room = held[0].places, [], True
     if has_room:
         if message.ring and not held and message.time + timeout >= message.now:
-            one.places = followed_by(one.places, one.time, one.ring)
+            one.places = followed_by(one.places, one.stamp, one.ring)
         held.append(one)
     if held:
         ids[message.instance] = held
@@ -248,16 +248,16 @@ def without_first(ids, is_gone):
     return dict(dropwhile(lambda item: all(map(is_gone, item[1])), ids.items()))
 
 
-def followed_by(places, time, ring):
-    """Append the next place of a body; earlier places are dropped if its time goes back."""
-    return *((t, r) for t, r in places if places[-1][0] <= time and t != time), (time, ring)
+def followed_by(places, stamp, ring):
+    """Append the next place of a body; earlier places are dropped if its stamp goes back."""
+    return *((t, r) for t, r in places if places[-1][0] <= stamp and t != stamp), (stamp, ring)
 
 
-def velocity_of(places, time):
+def velocity_of(places, stamp):
     """Return vx and vy in m/s of a body that moved without rotating, None if unknown."""
     last, ring = places[-1] if places else (None, ())
     earlier = [place for place in places if last - place[0] >= 10 * SECOND // 1000]
-    if last != time or not earlier or last - earlier[-1][0] > 2 * SECOND:
+    if last != stamp or not earlier or last - earlier[-1][0] > 2 * SECOND:
         return None
     begin, before = earlier[-1]
     moves = {(x - a, y - b) for (x, y), (a, b) in zip(ring, before)}
@@ -346,7 +346,8 @@ class SourceModel:
     def _begin_anew(self, now, time=None):
         """Keep what is held, from another time on if one is given."""
         groups = self._reading(self._now)[0]
-        self._former = self._still(self._former, self._now) + self._still(groups, now)
+        self._former = self._still(self._former, self._now) + (
+            self._still(groups, now) if time is None else groups)
         if time is not None:
             self._former = [{key: [changed(one, time=time) for one in held]
                              for key, held in group.items()} if isinstance(group, dict) else

@@ -121,7 +121,8 @@ TABLES = {
         'in another frame': lambda one: f'{one["fixed_us"] + one["more_us"]:.1f} µs',
         'transform to flag': '{p50_ms:.1f} ms, 99 of 100 below {p99_ms:.1f} ms'}),
     'whole-sets': lambda figures: table_of(figures['whole_sets'], {
-        'obstacles': '{obstacles:,}', 'sat_collision': '{us:,.0f}', 'empty rclpy node': '{floor_us:,.0f}',
+        'obstacles': '{obstacles:,}', 'sat_collision': '{us:,.0f}',
+        'empty rclpy node': '{floor_us:,.0f}',
         'times the empty node': '{ratio:.2f}',
         'an obstacle': lambda one: f'{one["us"] / one["obstacles"]:.2f}',
         'share of a core': '{core:.1%}',

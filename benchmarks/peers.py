@@ -171,5 +171,5 @@ def run_monitor(ignores_transforms=False):
 
 
 if __name__ == '__main__':
-    sys.exit({'floor': run_floor, 'whole_floor': lambda: run_floor(True), 'shapely': run_shapely, 'frames': run_monitor,
-              'frames_floor': lambda: run_monitor(True)}[sys.argv[1]]())
+    sys.exit({'floor': run_floor, 'whole_floor': lambda: run_floor(True), 'shapely': run_shapely,
+              'frames': run_monitor, 'frames_floor': lambda: run_monitor(True)}[sys.argv[1]]())

@@ -20,12 +20,14 @@ import math
 from builders import box, serialised, transforms
 from monitors import BOW_TIE, CIRCLE, nanoseconds, START, World
 import pytest
+from sat_collision.messages.rejections import Rejection
 from sat_collision.messages.transform_listener import TF, TF_STATIC
 from sat_collision.monitor import Monitor
 from sat_collision.scene import frames
 from sat_collision.scene.frames import BAD_TRANSFORM
 from sat_collision.scene.obstacles import ObstacleId
-from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
+from sat_collision.scene.settings import (
+    BY_ANOTHER_CLOCK, FootprintSettings, ObstacleSettings, Settings)
 from sat_collision.scene.streams import Endpoint
 
 SETTINGS = Settings(
@@ -585,3 +587,14 @@ def test_two_publishers_of_a_frame_are_noticed(robot):
     for number in (4, 100, 5, 101, 6):
         listener.receive(TF, transforms(('odom', 'base', robot.now, 0, 0)), robot.now, number)
     assert listener.turns == {'base': 3}
+
+
+@pytest.mark.parametrize('reason, detail', [
+    (frames.GAP, ''), ('from the future', ''),
+    ('other frame', "it is in 'map', all else in 'base'"),
+    ('too old', BY_ANOTHER_CLOCK)])
+def test_advice_makes_nothing_worse(reason, detail):
+    """No limit is raised for what may be one bad stamp, and no frame named that may be wrong."""
+    text = Rejection('lidar', '/polygons', reason, detail).text
+    assert 'raise' not in text and 'in that frame' not in text
+    assert detail in text and text.count(';') == (detail != BY_ANOTHER_CLOCK)

@@ -150,8 +150,9 @@ def test_missing_transform_is_reported_once():
     world.wait_until(0.3000001)
     assert world.reasons == [frames.UNKNOWN_FRAME]
     assert world.rejections[0].detail == (
-        'no transform from base to odom: no good transform has named base yet')
-    assert world.state().reasons == ('footprint robot on /tf was refused: unknown frame',)
+        'no transform from base to odom: no good transform has named base yet, only arm, odom')
+    assert world.state().reasons == (
+        f'footprint robot on /tf was refused: {world.rejections[0].detail}',)
     world.move(0.5, 1.0, child='arm')
     world.move(0.6, 1.0, child='base', parent='island')
     world.move(0.9, 1.0, child='base', parent='island')
@@ -259,7 +260,10 @@ def test_odometry_between_other_frames_is_reported():
     assert world.status() == 'unknown'
     assert world.rejections[0].text.startswith(
         'robot: a message on /odom was rejected, unknown frame: no transform from base to odom: '
-        'no good transform has named odom yet; ')
+        'no good transform has named odom yet, only base, earth; correct the frame_id, ')
+    assert world.state().reasons == (
+        'footprint robot on /odom was refused: no transform from base to odom: no good transform '
+        'has named odom yet, only base, earth',)
 
 
 @pytest.mark.parametrize('data', [

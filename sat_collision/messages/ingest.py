@@ -228,8 +228,7 @@ class Ingest:
                         return Wait(frame_id, stamp)
                     if isinstance(settings, ObstacleSettings) and not settings.timeout:
                         self.untransformed[name] = frame_id
-                    return self.refuse(settings, found.reason, found.detail, now, stamp,
-                                       instance, number)
+                    return self.no_place(settings, found, now, stamp, instance, number)
                 affine, at = found
                 origin, frame_id = (frame_id, at), self._fixed
             if isinstance(settings, FootprintSettings):
@@ -296,7 +295,7 @@ class Ingest:
                 if isinstance(found, NoTransform):
                     if found.may_come and stamp:
                         return Wait(frame_id, stamp)
-                    refusal = found.reason
+                    refusal = found.lasting
                 else:
                     affine = found.affine
             if settings.ending == EACH_MESSAGE:
@@ -401,6 +400,13 @@ class Ingest:
             return None
         return self.reject(settings, refusal, detail_of(
             refusal, self._fixed, self._fixed, (now - stamp) / 1e9, settings.timeout))
+
+    def no_place(self, settings: FootprintSettings | ObstacleSettings, found: NoTransform,
+                 now: int, stamp: int | None = None, instance: int | None = None,
+                 number: int | None = None) -> Rejection:
+        """Refuse a message, or an outline, whose frame has no transform."""
+        self._scene.refuse(settings.name, found.lasting, now, stamp, instance, number)
+        return self.reject(settings, found.reason, found.detail)
 
     def refuse(self, settings: FootprintSettings | ObstacleSettings, reason: str, detail: str,
                now: int, stamp: int | None = None, instance: int | None = None,

@@ -120,11 +120,11 @@ class Outlines:
             one.begin(now)
         found = self._transforms.newest(settings.frame_id, now)
         if isinstance(found, NoTransform):
-            if one.fault == found.reason or (found.may_come and not one.has_waited(
+            if one.fault == found.lasting or (found.may_come and not one.has_waited(
                     now, self._timeout)):
                 return None
-            one.forget(found.reason)
-            return self._ingest.refuse(settings, found.reason, found.detail, now)
+            one.forget(found.lasting)
+            return self._ingest.no_place(settings, found, now)
         if not one.is_moved(found, now):
             return None
         one.next = max(one.next, now) + one.period

@@ -36,10 +36,10 @@ _ADVICE = {
     BAD_COMMAND: 'the publisher must send finite numbers, of up to 1000 m/s or rad/s',
     COMMAND_FRAME: 'the publisher must send it in the frame of the outline, or name none',
     EMPTY_FRAME_ID: 'the publisher must say which frame the polygon is in',
-    FROM_FUTURE: 'set the clocks of both machines by one, or raise the parameter future_tolerance',
+    FROM_FUTURE: 'set the clocks of both machines by one, to within future_tolerance',
     LONG_FRAME_ID: 'the publisher must name a frame as tf2 has it',
-    OTHER_FRAME: 'publish in that frame, or set the parameter frame_id to have all bodies '
-                 'transformed to one frame',
+    OTHER_FRAME: 'publish all in one frame that does not move with a robot, or set the parameter '
+                 'frame_id to one that /tf connects with the others',
     OVERTAKEN: 'let one publisher send the footprint, in the order of its stamps',
     Reason.EMPTY.value: 'the publisher must send where the footprint is',
     Reason.NOT_FINITE.value: 'the publisher must send finite coordinates only',
@@ -52,7 +52,7 @@ _ADVICE = {
     frames.BAD_NAMES: 'a transform must name two frames',
     frames.BAD_TRANSFORM: 'the publisher must send finite numbers and a quaternion that is not '
                           'zero',
-    frames.GAP: 'publish transforms more often, or raise the parameter max_tf_gap',
+    frames.GAP: 'publish transforms more often than once in max_tf_gap, by one clock',
     frames.LOOP: 'let each frame have one publisher',
     frames.NO_TRANSFORM: 'check clocks and the rate of /tf, or raise the parameter '
                          'transform_timeout',
@@ -62,8 +62,7 @@ _ADVICE = {
     frames.TILTED: 'obstacles must lie in the plane; what is tilted by less than the parameter '
                    'max_tilt is projected',
     frames.TOO_MANY_FRAMES: 'find the publisher that makes up names of frames',
-    frames.UNKNOWN_FRAME: 'check the frame_id and which transforms are published on /tf and '
-                          '/tf_static',
+    frames.UNKNOWN_FRAME: 'correct the frame_id, or publish its transform on /tf or /tf_static',
 }
 
 
@@ -78,8 +77,9 @@ class Rejection(NamedTuple):
     @property
     def text(self) -> str:
         """A full sentence: topic, reason, and what to do."""
+        advice = '' if BY_ANOTHER_CLOCK in self.detail else f'; {_ADVICE[self.reason]}'
         return (f'{self.name}: a message on {self.topic} was rejected, {self.reason}: '
-                f'{self.detail}; {_ADVICE[self.reason]}')
+                f'{self.detail}{advice}')
 
 
 def detail_of(refusal: str, frame_id: str, fixed: str, age: float, timeout: float) -> str:

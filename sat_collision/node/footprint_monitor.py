@@ -45,12 +45,13 @@ from sat_collision.monitor import Monitor
 from sat_collision.node.health import Health
 from sat_collision.node.loop import Backlog, Loop, Reserved
 from sat_collision.node.parameters import Parameters
+from sat_collision.node.publishers import faults_of
 from sat_collision.node.signals import Signalled
 from sat_collision.node.subscriptions import (
     CommandSubscriptions, subscribe_transforms, Subscriptions, transform_type)
 from sat_collision.node.watchdog import ClockWatch, Every, Systemd, Watchdog
 from sat_collision.scene.parameters import is_name_of, ParameterError, parameters_by_node
-from sat_collision.scene.settings import NEVER, Settings
+from sat_collision.scene.settings import NEVER, Settings, TF
 import yaml
 
 NAME = 'footprint_monitor'
@@ -112,7 +113,8 @@ class FootprintMonitor(Node):
         self._logged: dict[tuple[str, str], float] = {}
         taken_by = Reserved()
         self._inputs = Subscriptions(self, settings, taken_by, self._health, self.note_matched)
-        transform_inputs = transforms and subscribe_transforms(self, transforms, taken_by)
+        self._transform_inputs = (subscribe_transforms(self, transforms, taken_by)
+                                  if transforms else [])
         self._reports_unknown_at = time.monotonic() + _STARTED
         self._advised: set[str] = set()
         self._ticked = self._draws_at = 0.0
@@ -122,7 +124,7 @@ class FootprintMonitor(Node):
         self._watchdog = Watchdog(self._on_stall, self._on_recovery)
         self._is_stalled = False
         self._set_rates(settings)
-        inputs = [*(transform_inputs or ()), *self._inputs.inputs]
+        inputs = [*self._transform_inputs, *self._inputs.inputs]
         self._commands = CommandSubscriptions(self, settings, taken_by, inputs)
         self.loop = Loop(self, inputs, self, lambda: self._scene.settings.max_batch_delay)
         parameters.on_change(self._configure, self._health.note_change)
@@ -253,7 +255,11 @@ class FootprintMonitor(Node):
         if self._marking.due(steady):
             self._publish_markers()
         if self._reporting.due(steady):
-            self._health.publish(self._monitor, self._outputs.statuses())
+            faults = [fault for one in self._transform_inputs for fault in faults_of(self, one)]
+            self._health.publish(self._monitor, self._outputs.statuses(), faults)
+            if self._transform_inputs and not self.count_publishers(TF):
+                faults.append(f'{TF} has no publisher')
+            self._scene.note_transforms(tuple(faults))
             for name, advice in self._scene.advice.items():
                 if name not in self._advised:
                     self._advised.add(name)

@@ -95,9 +95,10 @@ class Health:
         else:
             self.backlogs.pop(name, None)
 
-    def publish(self, monitor: Monitor, states: Iterable[DiagnosticStatus]) -> None:
-        """Publish the states of footprints and the figures since the last message."""
-        self._write(monitor)
+    def publish(self, monitor: Monitor, states: Iterable[DiagnosticStatus],
+                faults: Iterable[str] = ()) -> None:
+        """Publish states of footprints, figures since the last message, and faults of /tf."""
+        self._write(monitor, faults)
         self._send([self._status, *states])
 
     def publish_stall(self, reason: str, states: Iterable[DiagnosticStatus]) -> None:
@@ -111,7 +112,7 @@ class Health:
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(message)
 
-    def _write(self, monitor: Monitor) -> None:
+    def _write(self, monitor: Monitor, faults: Iterable[str]) -> None:
         now = time.monotonic()
         period = now - self._begun
         transforms = monitor.transforms
@@ -148,7 +149,7 @@ class Health:
         for name, change in self._changes.items():
             values[f'{name}: changed'] = change
         self._status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
-        problems = [*monitor.scene.source_faults]
+        problems = [*monitor.scene.source_faults, *faults]
         if twice:
             publishers = ', '.join(sorted(publishers_of_tf(self._node))) or 'unknown'
             frames = ', '.join(map(in_words, [*twice][:_MAX_NAMED]))

@@ -138,7 +138,7 @@ class Publishers:
         """Return the live publishers, in a stable order."""
         infos = self._node.get_publishers_info_by_topic(one.topic)
         known = self._order.get(one.name, [])
-        endpoints = [self._endpoint(info, one) for info in infos]
+        endpoints = [_endpoint(info, one) for info in infos]
         endpoints.sort(key=lambda endpoint: (
             known.index(endpoint.gid) if endpoint.gid in known else len(known)))
         self._order[one.name] = [endpoint.gid for endpoint in endpoints]
@@ -149,27 +149,36 @@ class Publishers:
         return [endpoint for endpoint in endpoints if endpoint.problem] + [
             endpoint for endpoint in endpoints if not endpoint.problem][dead:]
 
-    def _endpoint(self, info: TopicEndpointInfo, one: Input) -> Endpoint:
-        topic, qos = one.subscription.topic_name, one.subscription.qos_profile
-        name = '' if info.node_name == _UNKNOWN else (
-            f'{info.node_namespace.rstrip("/")}/{info.node_name}')
-        problem = hint = loss = ''
-        expected = type_name(one.subscription.msg_type)
-        if info.topic_type != expected:
-            problem = f'of another type, {info.topic_type}, where {expected} is expected'
-        elif wrong := _incompatible(info.qos_profile, qos, topic):
-            problem = f'which cannot be received: {wrong}'
-        elif (info.qos_profile.durability is QoSDurabilityPolicy.TRANSIENT_LOCAL
-              and qos.durability is not QoSDurabilityPolicy.TRANSIENT_LOCAL):
-            hint = ('its publisher keeps what it has sent, of which nothing comes here: set '
-                    f'qos_overrides.{topic}.subscription.durability: transient_local')
-        if info.qos_profile.reliability is QoSReliabilityPolicy.BEST_EFFORT:
-            loss = ('its publisher is best effort, which loses messages: make it reliable, or '
-                    'send each set as one message')
-        elif qos.depth < one.depth:
-            loss = (f'the queue here holds {qos.depth} messages: set qos_overrides.{topic}'
-                    '.subscription.depth to one more than max_count')
-        return Endpoint(bytes(info.endpoint_gid).hex(), name, problem, hint, loss)
+
+def faults_of(node: Node, one: Input) -> list[str]:
+    """Return why publishers of a topic that may have several cannot be received, in sentences."""
+    topic = one.subscription.topic_name
+    endpoints = (_endpoint(info, one) for info in node.get_publishers_info_by_topic(one.topic))
+    return [f'{topic} has a publisher, {endpoint.node}, {endpoint.problem}'
+            for endpoint in endpoints if endpoint.problem]
+
+
+def _endpoint(info: TopicEndpointInfo, one: Input) -> Endpoint:
+    topic, qos = one.subscription.topic_name, one.subscription.qos_profile
+    name = '' if info.node_name == _UNKNOWN else (
+        f'{info.node_namespace.rstrip("/")}/{info.node_name}')
+    problem = hint = loss = ''
+    expected = type_name(one.subscription.msg_type)
+    if info.topic_type != expected:
+        problem = f'of another type, {info.topic_type}, where {expected} is expected'
+    elif wrong := _incompatible(info.qos_profile, qos, topic):
+        problem = f'which cannot be received: {wrong}'
+    elif (info.qos_profile.durability is QoSDurabilityPolicy.TRANSIENT_LOCAL
+          and qos.durability is not QoSDurabilityPolicy.TRANSIENT_LOCAL):
+        hint = ('its publisher keeps what it has sent, of which nothing comes here: set '
+                f'qos_overrides.{topic}.subscription.durability: transient_local')
+    if info.qos_profile.reliability is QoSReliabilityPolicy.BEST_EFFORT:
+        loss = ('its publisher is best effort, which loses messages: make it reliable, or '
+                'send each set as one message')
+    elif qos.depth < one.depth:
+        loss = (f'the queue here holds {qos.depth} messages: set qos_overrides.{topic}'
+                '.subscription.depth to one more than max_count')
+    return Endpoint(bytes(info.endpoint_gid).hex(), name, problem, hint, loss)
 
 
 def publishers_of_tf(node: Node) -> set[str]:

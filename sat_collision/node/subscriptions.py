@@ -212,7 +212,8 @@ def subscribe_transforms(node: Node, kind: type, group: CallbackGroup) -> list[I
     """Subscribe to serialised /tf and /tf_static; `kind` is the class TFMessage."""
     return [Input(topic, node.create_subscription(
         kind, topic, unused, QoSProfile(depth=_TRANSFORM_DEPTH, durability=durability),
-        raw=True, callback_group=group)) for topic, durability in _DURABILITIES.items()]
+        raw=True, callback_group=group, qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE)),
+        topic=topic) for topic, durability in _DURABILITIES.items()]
 
 
 class CommandSubscriptions:

@@ -71,6 +71,8 @@ class Footprint(Body[Obstacle]):
         self.stamp = 0  # as sent
         self.origin: Origin | None = None
         self.stale = False
+        # What may be wrong if there is none, beside what is wrong with its publishers.
+        self.hints: tuple[str, ...] = ()
         # Why there is no valid footprint; empty if there is one, even if stale.
         self.fault = ''
         # The frame of the last message, and when it was received.
@@ -174,7 +176,8 @@ class Footprint(Body[Obstacle]):
         if monitor_fault:
             status, reasons = Status.UNKNOWN, (monitor_fault,)
         elif not self.settings.enabled:
-            ignored = self.settings.cmd_vel and f', commands on {self.settings.cmd_vel} are ignored'
+            topic = self.settings.cmd_vel
+            ignored = topic and f', commands on {topic} are ignored'
             status, reasons = Status.UNKNOWN, (
                 f'footprint {self.settings.name} is disabled{ignored}',)
         elif self._stream_faults or self.fault or self.stale:
@@ -213,8 +216,9 @@ class Footprint(Body[Obstacle]):
             if self.received is not None and self.received - (self.time or 0) > FAR:
                 faults += f'has stamps that are {BY_ANOTHER_CLOCK}',
             else:
-                faults += f'is older than its timeout of {self.settings.timeout:g} s',
+                faults += '; '.join((f'is older than its timeout of {self.settings.timeout:g} s',
+                                     *self.hints)),
         elif self.fault and not (faults and self.received is None):
-            faults += ('; '.join((self.fault, *self.stream.hints())),)
+            faults += ('; '.join((self.fault, *self.stream.hints(), *self.hints)),)
         return tuple(f'footprint {self.settings.name} on {self.settings.topic} {fault}'
                      for fault in faults)

@@ -22,8 +22,8 @@ checked without ROS.
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Container, Iterable
-from itertools import chain, takewhile
+from collections.abc import Collection, Container
+from itertools import chain, islice, takewhile
 import math
 import re
 from typing import NamedTuple, TypeAlias
@@ -48,6 +48,8 @@ NOT_CONNECTED = 'frames not connected'
 OLD_LATEST = 'latest transform too old'
 TILTED = 'tilted'
 UNKNOWN_FRAME = 'unknown frame'
+# Of these the detail has no figures.
+_LASTING = BAD_FRAME_ID, LOOP, NOT_CONNECTED, UNKNOWN_FRAME
 
 LONGEST_FRAME_ID = 255
 # Bounds the memory that made-up frame names can take.
@@ -85,6 +87,11 @@ class NoTransform(NamedTuple):
     reason: str  # a few words without names and figures, to count by
     detail: str  # what is wrong, for users
     may_come: bool  # whether later transforms may yet give an answer
+
+    @property
+    def lasting(self) -> str:
+        """What is wrong, without figures that change with time."""
+        return self.detail if self.reason in _LASTING else self.reason
 
 
 class Frames:
@@ -309,13 +316,14 @@ class Frames:
             if not name or name[0] == '/':
                 return NoTransform(BAD_FRAME_ID, f'{in_quotes(name)} is not a valid frame: a '
                                    'name is not empty and does not begin with a slash', False)
-        for name in (source, target):
-            if not any(name in named for named in (self._static, self._moving, self._parents)):
-                return NoTransform(UNKNOWN_FRAME, f'{prefix}: no good transform has named '
-                                   f'{in_words(name)} yet', True)
+        known = {**self._static, **self._moving, **dict.fromkeys(self._parents)}
+        if unknown := [in_words(name) for name in (source, target) if name not in known]:
+            return NoTransform(UNKNOWN_FRAME, f'{prefix}: ' + (
+                f'no good transform has named {" or ".join(unknown)} yet, only {_listed(sorted(known))}'
+                if known else 'no good transform has come yet'), True)
         faults = []
         for name in (source, target):
-            passed: Iterable[str]
+            passed: Collection[str]
             if stamp is None:
                 passed, top = self._climb_newest(name)
             else:
@@ -323,11 +331,8 @@ class Frames:
                 if top in self._moving:
                     faults.append(self._fault(top, stamp, f'{prefix} at its stamp'))
             if not top:
-                shown = [in_words(one) for one in passed]
-                if len(shown) > _MAX_LISTED:
-                    shown[_MAX_LISTED:] = [f'and {len(shown) - _MAX_LISTED} more']
                 return NoTransform(LOOP, f'{prefix}: the parents of {in_words(name)} lead in a '
-                                   f'circle: {", ".join(shown)}', True)
+                                   f'circle: {_listed(passed)}', True)
         if not faults:
             return NoTransform(NOT_CONNECTED, f'{prefix}: no transforms connect them', True)
         return faults[0]._replace(may_come=any(fault.may_come for fault in faults))
@@ -344,6 +349,13 @@ class Frames:
         return NoTransform(GAP, f'{prefix}: the transforms of {name} around it are '
                            f'{_seconds(track.gap(stamp))} apart, more than '
                            f'{_seconds(self._max_gap)}', False)
+
+
+def _listed(names: Collection[str]) -> str:
+    """Return the names of frames for users, the first of them if they are many."""
+    more = len(names) - _MAX_LISTED
+    return ', '.join([*map(in_words, islice(names, _MAX_LISTED)),
+                      *([f'and {more} more'] if more > 0 else [])])
 
 
 def _seconds(nanoseconds: float) -> str:

@@ -32,7 +32,7 @@ from sat_collision.scene.obstacle_store import OTHER_FRAME, Shape
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.prediction import predict, Prediction, velocity_of
 from sat_collision.scene.settings import (
-    EMPTY_POLYGON, FootprintSettings, NEVER, ObstacleSettings, Settings)
+    BY_ANOTHER_CLOCK, EMPTY_POLYGON, FAR, FootprintSettings, NEVER, ObstacleSettings, Settings)
 from sat_collision.scene.sources import Source
 from sat_collision.scene.streams import CONTINUES, Endpoint
 from sat_collision.scene.velocity import Command, Velocity, Vertices
@@ -165,7 +165,7 @@ class Scene:
         if number is not None:
             self.receive_number(name, number, now)
         if stamp > now and self._is_from_future(stamp):
-            self._invalidate(footprint, f'was refused: {FROM_FUTURE}')
+            self._invalidate(footprint, f'was refused: {self._far_ahead(stamp)}')
             self._evaluate()
             return FROM_FUTURE
         footprint.frame_id = frame_id
@@ -272,7 +272,9 @@ class Scene:
                 source.receive(None, frame_id, 0, now, None, number)
                 refusal: str | None = FROM_FUTURE
             else:
-                refusal = source.receive(None, frame_id, None, now, instance, number, FROM_FUTURE)
+                source.receive(None, frame_id, None, now, instance, number,
+                               self._far_ahead(stamp))
+                refusal = FROM_FUTURE
         elif body is not None and self.frame_id and frame_id != self.frame_id:
             refusal = source.receive(None, frame_id, stamp, now, instance, number, OTHER_FRAME)
         else:
@@ -395,7 +397,7 @@ class Scene:
         """
         source = self._sources[name]
         if self._is_from_future(stamp):
-            body, refusal = None, FROM_FUTURE
+            body, refusal = None, self._far_ahead(stamp)
         source.receive_early(body, self.frame_id, stamp, self._now, order, instance, refusal)
         self._follow_up(source)
 
@@ -417,6 +419,15 @@ class Scene:
         """Record why a frame of a map cannot be followed, or until when all can."""
         self._sources[name].limit_frames(fault, deadline, self._now)
         self._follow_up(self._sources[name])
+
+    def note_transforms(self, faults: tuple[str, ...]) -> None:
+        """Record why transforms may be missing, in sentences."""
+        for footprint in self._footprints.values():
+            settings = footprint.settings
+            if settings.has_outline and not settings.odometry and footprint.hints != faults:
+                footprint.hints = faults
+                self._contacts.changed.add(footprint)
+        self._evaluate()
 
     def stop_clock(self, fault: str) -> None:
         """Record why the clock cannot be trusted: nothing may become too old; empty if it can."""
@@ -617,6 +628,10 @@ class Scene:
 
     def _is_from_future(self, stamp: int) -> bool:
         return stamp > self._now + self._future_tolerance and self._now > 0
+
+    def _far_ahead(self, stamp: int) -> str:
+        """Return why a stamp from the future is refused."""
+        return FROM_FUTURE if stamp <= self._now + FAR else f'{FROM_FUTURE}, {BY_ANOTHER_CLOCK}'
 
     def _choose_frame(self) -> None:
         """Use the common frame of the footprints received recently, if there is one."""

@@ -35,8 +35,8 @@ NONE, EMPTY_POLYGON, NEW_STAMP, EACH_MESSAGE = SET_ENDS = (
 NEVER = float('inf')
 # Stamps further than this from the present are by another clock, ns.
 FAR = 3600 * 10**9
-BY_ANOTHER_CLOCK = ('more than an hour from the clock of this node: set use_sim_time: true where '
-                    'a recording or a simulation publishes /clock')
+BY_ANOTHER_CLOCK = ('more than an hour from the clock of this node: set use_sim_time: true, here '
+                    'and for the publisher, where a recording or a simulation publishes /clock')
 
 # The topic of the frame of an outline, unless it has odometry.
 TF = '/tf'

@@ -23,9 +23,10 @@ from moving_scenes import FIXED, MovingScene, OUTLINE, WINDOW, WINDOWS
 from nav_msgs.msg import Odometry
 import oracle
 import pytest
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 import rclpy.serialization
 from sat_collision.messages.cdr import decode_odometry
+from std_msgs.msg import Bool
 
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -89,7 +90,7 @@ def test_message_waits_for_its_transform(start_with_tf):
 def test_missing_transform_is_logged(start_with_tf):
     running = start_with_tf()
     running.send_until('unknown', '/footprint', box(0), frame_id='base')
-    line, = running.logged('no good transform has named base yet')[:1]
+    line, = running.logged('no transform from base to odom: no good transform has come yet')[:1]
     assert line.startswith('footprint: a message on /footprint was rejected, unknown frame: ')
 
 
@@ -227,3 +228,25 @@ def test_contacts_match_the_true_poses(start_with_tf, seed):
                       f'the contacts of window {window}: {true}')
     assert not running.monitor._monitor.rejected
     assert FIXED == running.monitor._scene.frame_id
+
+
+def test_lack_of_transforms_says_what_is_lacking(start_with_tf, join):
+    """Nothing published, another type, a QoS that does not fit; and a frame nobody tells of."""
+    running = start_with_tf(footprint__radius=0.5, footprint__frame_id='base')
+    peer = join('localisation')
+
+    def until_said(*words, of=running.reason):
+        running.until(lambda: all(word in of() for word in words), words)
+    until_said('has not been received yet', '/tf has no publisher')
+    best_effort = QoSProfile(depth=9, reliability=ReliabilityPolicy.BEST_EFFORT)
+    for kind, topic, qos, words in (
+            (Bool, '/tf', 9, 'of another type, std_msgs/msg/Bool, where '),
+            (PolygonStamped, '/tf', best_effort, 'it is best effort, the subscription reliable'),
+            (PolygonStamped, '/tf_static', 9, 'it is volatile, the subscription transient local')):
+        publisher = peer.node.create_publisher(kind, topic, qos)
+        words = f'{topic} has a publisher, /localisation, ', words
+        until_said(*words)
+        until_said(*words, of=lambda: running.health() and running.health().message or '')
+        peer.node.destroy_publisher(publisher)
+    send_transforms(running, ('odom', 'other', running.now(), 0.0, 0.0))
+    until_said('no good transform has named base yet, only odom, other')

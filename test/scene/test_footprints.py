@@ -265,6 +265,13 @@ def test_stamps_of_another_clock_are_reported_as_such():
     stage.robot(stamp=-4000.0)
     reason, = stage.state().reasons
     assert 'footprint robot on /footprint has stamps' in reason and 'use_sim_time: true' in reason
+    stage.robot(stamp=4000.0)
+    reason, = stage.state().reasons
+    assert 'was refused: from the future, more than an hour' in reason
+    stage.see(10, stamp=4000.0)
+    assert 'more than an hour' in stage.state().reasons[1]
+    stage.end()
+    stage.send(10)
     stage.robot()
     assert stage.status() == 'clear'
     stage.wait_until(9000.0)

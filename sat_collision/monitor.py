@@ -21,6 +21,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from functools import partial
 from heapq import heappop, heappush
+from itertools import islice, takewhile
 from typing import NamedTuple, TypeAlias
 
 from sat_collision.messages.ingest import Batch, Ingest, Placement, Wait
@@ -307,12 +308,12 @@ class Monitor:
     def _hold(self, settings: FootprintSettings | ObstacleSettings, item: _Item,
               now: int, wait: Wait | None = None) -> list[Rejection]:
         """Queue a message, or what happens to its stream after it."""
-        limit, ends = _FOOTPRINTS_WAIT, False
+        limit, end = _FOOTPRINTS_WAIT, None
         if isinstance(settings, ObstacleSettings):
             limit = _SETS_WAIT * settings.max_count
-            ends = not callable(item) and self.ingest.ends_listing(settings, item[0])
+            end = None if callable(item) else self.ingest.end_of(settings, item[0])
         rejections = self.waiting.add(
-            settings.name, _Held(item, now + self._timeout, ends), now, limit, wait)
+            settings.name, _Held(item, now + self._timeout, end), now, limit, wait)
         self._note_waiting()
         return rejections
 
@@ -339,7 +340,7 @@ class _Held(NamedTuple):
 
     item: _Item
     until: int  # when its wait ends, in ns
-    ends: bool  # whether it is a message that ends a listing
+    end: float | None  # see `Ingest.end_of`
 
 
 class _Queue:
@@ -380,11 +381,14 @@ class _Queue:
     @property
     def replaced(self) -> int:
         """How many of the first items a later listing replaces, all of which has its place."""
-        ends = [k for k, held in enumerate(self.items, self.first) if held.ends]
-        unplaced = sorted(k for heap in self._unplaced.values() for _, k, _ in heap)
+        ends = [k for k, held in enumerate(self.items) if held.end is not None]
+        unplaced = sorted(k - self.first for heap in self._unplaced.values() for _, k, _ in heap)
         for before, end in zip(reversed(ends[:-1]), reversed(ends)):
             if bisect(unplaced, before) == bisect(unplaced, end):
-                return before + 1 - self.first
+                newest = self.items[end].end or NEVER
+                return sum(1 for _ in takewhile(
+                    lambda held: held.end is None or held.end <= newest,
+                    islice(self.items, before + 1)))
         return 0
 
 
@@ -437,7 +441,7 @@ class WaitingItems:
         queue.append(held, wait)
         self.earliest = min(self.earliest, queue.items[0].until)
         rejections: list[Rejection] = []
-        excess = max(len(queue.items) - limit, queue.replaced if held.ends and not wait else 0)
+        excess = max(len(queue.items) - limit, 0 if held.end is None or wait else queue.replaced)
         taken = 0
         while taken < excess or len(queue.items) > 1 and queue.size > _BYTES_WAIT:
             self._take_first(name, now, False, rejections)

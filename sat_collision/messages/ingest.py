@@ -281,10 +281,10 @@ class Ingest:
         """
         Let an obstacle count that is queued behind a message which waits.
 
-        The order is its number in the queue. Return a Wait if its transform may still arrive. A
-        message that is a listing need not be queued once it has its place.
+        The order is its number in the queue. Return a Wait if its transform may still arrive.
         """
-        body, stamp, instance, refusal = None, 0, None, None
+        body: Shape | None = None
+        stamp, instance, refusal = 0, None, None
         try:
             stamp, frame_id, points, instance = self._decode[settings.name](data)
             if not points[2]:
@@ -298,25 +298,31 @@ class Ingest:
                     refusal = found.lasting
                 else:
                     affine = found.affine
-            if settings.ending == EACH_MESSAGE:
-                return None
             if not refusal:
-                body = self._packer.pack(points, affine)
+                body = self._shape(settings, points, affine, None)
         except MessageError:
             refusal = UNDECODABLE
         except PolygonError as error:
             refusal = error.reason.value
         self._scene.receive_early(settings.name, body, stamp, order, instance, refusal)
+        self._refused = []
         return None
 
-    def ends_listing(self, settings: ObstacleSettings, data: bytes) -> bool:
-        """Return whether a message ends a listing by itself."""
-        if settings.ending != EMPTY_POLYGON:
-            return settings.ending == EACH_MESSAGE
+    def end_of(self, settings: ObstacleSettings, data: bytes) -> float | None:
+        """
+        Return the stamp of the newest messages that one replaces which ends a listing.
+
+        NEVER where stamps are not compared; None if it ends none.
+        """
+        if settings.ending not in (EACH_MESSAGE, EMPTY_POLYGON):
+            return None
         try:
-            return not self._decode[settings.name](data)[2][2]
+            stamp, _, points, _ = self._decode[settings.name](data)
         except MessageError:
-            return False
+            return None
+        if settings.ending == EMPTY_POLYGON:
+            return None if points[2] else NEVER
+        return stamp or NEVER if settings.timeout else NEVER
 
     def _shape(self, settings: ObstacleSettings, points: Any, affine: Affine2D | None,
                sent: tuple[str, Any] | None) -> Shape:

@@ -388,7 +388,7 @@ class Scene:
             source.wait(first, self._now)
             self._follow_up(source)
 
-    def receive_early(self, name: str, body: PackedBody | None, stamp: int, order: int,
+    def receive_early(self, name: str, body: Shape | None, stamp: int, order: int,
                       instance: int | None, refusal: str | None) -> None:
         """
         Let an obstacle count that is queued behind a message which waits for its transform.

@@ -230,7 +230,7 @@ class Source:
         self._is_early_open = False
         self._find_faults(now)
 
-    def receive_early(self, body: PackedBody | None, frame_id: str, stamp: int, now: int,
+    def receive_early(self, body: Shape | None, frame_id: str, stamp: int, now: int,
                       order: int, instance: int | None, refusal: str | None) -> None:
         """Let an obstacle count that is queued, by its number, behind a message that waits."""
         if not refusal:

@@ -318,9 +318,9 @@ class Frames:
                                    'name is not empty and does not begin with a slash', False)
         known = {**self._static, **self._moving, **dict.fromkeys(self._parents)}
         if unknown := [in_words(name) for name in (source, target) if name not in known]:
-            return NoTransform(UNKNOWN_FRAME, f'{prefix}: ' + (
-                f'no good transform has named {" or ".join(unknown)} yet, only {_listed(sorted(known))}'
-                if known else 'no good transform has come yet'), True)
+            only = f'named {" or ".join(unknown)} yet, only {_listed(sorted(known))}'
+            return NoTransform(UNKNOWN_FRAME, f'{prefix}: no good transform has '
+                               f'{only if known else "come yet"}', True)
         faults = []
         for name in (source, target):
             passed: Collection[str]

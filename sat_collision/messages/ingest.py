@@ -89,12 +89,14 @@ class Placement(NamedTuple):
 
     name: str  # of the footprint or source of obstacles
     stamp: int  # in ns, the time of reception if it has none
-    is_stamped: bool
     frame_id: str  # after the map is applied
     points: Points | RunPoints  # as received
     affine: Affine2D | None  # the map of the points to that frame, None if they are in it
     instance: int | None  # the obstacle's id, of a source that gives ids
-    listing: int = 0  # number of the listing that it joined; 0 where nothing ends a listing
+    # Of an obstacle: number of the listing that it joined, 0 where nothing ends a listing; and of
+    # the last whole listing, 0 for none.
+    listing: int = 0
+    last_whole: int = 0
 
     @property
     def is_empty(self) -> bool:
@@ -192,18 +194,18 @@ class Ingest:
         placements = self._placements
         if taken and placements is not None:
             first = begin
-            listing = self._scene.joined(name)
+            listing, last_whole = self._scene.joined(name)
             last = placements[-1] if begin and placements else None
             if last and not last.is_empty and last.points[0] is batch.messages[begin - 1] and (
-                    (last.stamp, last.is_stamped, last.listing) == (stamp, True, listing)):
+                    (last.stamp, last.listing) == (stamp, listing)):
                 # The run begins with the message before, which has the same header.
                 placements.pop()
                 first -= 1
             if first or begin + taken < len(batch.messages):
                 batch = Batch(batch.messages[first:begin + taken])
-            placements.append(Placement(name, stamp, True, frame_id,
+            placements.append(Placement(name, stamp, frame_id,
                                         (batch.data, batch.ends, points_at, TRIPLE), affine, None,
-                                        listing))
+                                        listing, last_whole))
         return taken
 
     def take(self, settings: FootprintSettings | ObstacleSettings, data: bytes,
@@ -263,8 +265,7 @@ class Ingest:
                     kept = np.delete(np.asarray(spans).reshape(-1, 2), [k for k, _ in refused], 0)
                     points = data, kept.ravel(), in_one, step
                 self._placements.append(Placement(
-                    name, stamp or now, stamp != 0, frame_id, points, affine, instance,
-                    scene.joined(name)))
+                    name, stamp or now, frame_id, points, affine, instance, *scene.joined(name)))
             if refused:
                 k, problem = refused[0]
                 return Rejection(name, settings.topic, problem.reason.value,
@@ -402,7 +403,7 @@ class Ingest:
                                   velocity_at(found))
             if self._placements is not None:
                 self._placements.append(Placement(
-                    settings.name, stamp, True, self._fixed, points, found.affine, None))
+                    settings.name, stamp, self._fixed, points, found.affine, None))
             return None
         return self.reject(settings, refusal, detail_of(
             refusal, self._fixed, self._fixed, (now - stamp) / 1e9, settings.timeout))

@@ -42,7 +42,7 @@ from sat_collision.replay.motion.tape import MotionTape
 from sat_collision.replay.order import ArrivalOrder, StampOrder, Timed, WINDOW
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.scene import OVERTAKEN
-from sat_collision.scene.settings import FAR, NEVER, Settings
+from sat_collision.scene.settings import FAR, FootprintSettings, NEVER, NONE, Settings
 
 if TYPE_CHECKING:
     from sat_collision.replay.output.bag import BagOutputs
@@ -103,7 +103,8 @@ class _Run:
         self._options = options
         self._result = result
         footprints = self._footprints = [
-            FootprintResult(footprint.name, footprint.topic, footprint.enabled)
+            FootprintResult(footprint.name, footprint.topic, footprint.enabled,
+                            start_up=_start_up(footprint, settings))
             for footprint in settings.footprints]
         self._transforms = [topic for topic in TRANSFORM_TOPICS if settings.frame_id
                             and recording.topics.get(topic) == TRANSFORM_TYPE]
@@ -172,6 +173,11 @@ class _Run:
         result.contacts = self._timeline.contacts
         result.unknown = self._timeline.unknown
         result.notes += self._motion.notes if self._motion else []
+        result.notes += [
+            f'a contact with {source.name} may be with where an obstacle was: {advice}'
+            for source in self._settings.obstacles if source.enabled
+            and self._monitor.received[source.name]
+            and (advice := self._scene.known_by(source.name)[1])]
         if self._tape and self._tape.is_full:
             result.notes.append('there was more to draw than --max-disk allows to keep')
         elif self._tape and result.end is not None and (moments := moments_of(result)):
@@ -185,7 +191,8 @@ class _Run:
             name, source.topic, self._monitor.received[name], rejected,
             examples=self._examples.get(name, {}),
             undetermined=self._motion.undetermined(name) if self._motion else 0,
-            refused=sum(count for reason, count in rejected.items() if reason in _OF_CONTENT))
+            refused=sum(count for reason, count in rejected.items() if reason in _OF_CONTENT),
+            known_by=self._scene.known_by(name)[0])
 
     def _play(self, names: dict[str, list[str]], start: int, stop: int | None, end: int,
               progress: OnProgress | None) -> None:
@@ -392,6 +399,14 @@ def _with_progress(rows: Iterable[Row], total: int, progress: OnProgress) -> Ite
             due = count + _PROGRESS_EVERY
         count += len(row[1])
         yield row
+
+
+def _start_up(footprint: FootprintSettings, settings: Settings) -> int:
+    """Return for how long in ns after the start some source of a footprint cannot be known."""
+    return max((round((source.timeout + settings.future_tolerance) * 1e9)
+                for source in settings.obstacles if source.enabled
+                and source.ending == NONE and source.timeout and footprint.monitors(source.name)),
+               default=0)
 
 
 class Timer:

@@ -78,7 +78,8 @@ class Knowledge:
         self._store = store
         self.is_known = False  # whether all that the publisher sees is known
         self.since = 'yet'  # when it began, as the end of a sentence
-        self.joined = 0  # number of the listing that the last obstacle joined; 0 without listings
+        # Number of the listing that the last message joined, and of the last whole one; 0 for none.
+        self.joined = self.last_whole = 0
         self.wants_history = False  # whether a new subscription is needed for older messages
         self.newest = -NEVER  # the newest stamp
         self._heard = -NEVER  # the latest time of a message
@@ -235,6 +236,7 @@ class Listings(Knowledge):
         self._continue(message, now)
         if self._end == NEW_STAMP:
             if message.stamp == self._open.stamp:
+                self.joined = self._open.number
                 return
             self._separate(message, now)
         elif self._end == EACH_MESSAGE:
@@ -242,6 +244,7 @@ class Listings(Knowledge):
         self._is_unread = False
         one = self._open
         one.stamp = message.stamp
+        self.joined = one.number
         if one.is_empty:
             one.time = message.time
         self._close(now)
@@ -344,6 +347,7 @@ class Listings(Knowledge):
                     held.group.clear()
             self._newer.clear()
             self._whole, self.is_known, self._missed = one, True, ''
+            self.last_whole = one.number
             self.wants_history = False
             self._age = (now - one.time) / 1e9
         elif len(one.group):

@@ -60,6 +60,7 @@ class ObstacleId(NamedTuple):
 
     source: str  # name of the source
     key: int  # its id, or without one its place among those received together
+    number: int = 0  # tells apart bodies of one name that are there at one time; not shown
 
     def __str__(self) -> str:
         return f'{self.source}/{self.key}'

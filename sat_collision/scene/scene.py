@@ -407,9 +407,12 @@ class Scene:
         self._sources[name].follow_frame(frame_id, body_of, self._now)
         self._follow_up(self._sources[name])
 
-    def joined(self, name: str) -> int:
-        """Return the number of the listing that the last obstacle of a source joined, or 0."""
-        return self._sources[name].knowledge.joined if name in self._sources else 0
+    def joined(self, name: str) -> tuple[int, int]:
+        """Return which listing the last message of a source joined, and which is whole; or 0."""
+        if name not in self._sources:
+            return 0, 0
+        knowledge = self._sources[name].knowledge
+        return knowledge.joined, knowledge.last_whole
 
     def map_frames(self, name: str) -> set[str]:
         """Return the other frames in which obstacles of a map were sent."""
@@ -485,6 +488,11 @@ class Scene:
     def source_summaries(self) -> list[tuple[str, str]]:
         """What is known of each source, and how it would release obstacles sooner."""
         return [(source.summary, source.advice) for source in self._sources.values()]
+
+    def known_by(self, name: str) -> tuple[str, str]:
+        """Return the rule by which a source is known, and how it would release sooner."""
+        return (self._sources[name].rule, self._sources[name].advice) if (
+            name in self._sources) else ('', '')
 
     @property
     def advice(self) -> dict[str, str]:

@@ -26,10 +26,9 @@ import sys
 from xml.etree import ElementTree
 
 import pytest
-from recordings import box, drive, run_without, SOURCE, START, write
+from recordings import box, drive, main, run_without, SOURCE, STAMPS, START, write
 from rosbags.rosbag2 import Reader
 from sat_collision.demo import warehouse
-from sat_collision.replay.command import main
 from sat_collision.replay.output.text import Progress
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -94,7 +93,7 @@ def test_json_has_the_documented_schema(bags, tmp_path):
     path = tmp_path / 'result.json'
     main([*bags.values(), '--json', str(path)])
     content = json.loads(path.read_text(), parse_constant=pytest.fail)
-    assert content['schema'] == 'sat_collision.replay/3'
+    assert content['schema'] == 'sat_collision.replay/4'
     assert (content['verdict'], content['exit_status']) == ('collision', 1)
     assert [bag['verdict'] for bag in content['bags']] == ['clear', 'collision', 'unknown',
                                                            'bad input']
@@ -171,12 +170,12 @@ def test_max_undetermined(tmp_path, capsys):
     messages = [(topic, k / 10, points) for k in range(10) for topic, points in (
         ('/footprint', box(0)), ('/obstacles', box(5) if k < 5 else box(5)[:3]))]
     path = str(write(tmp_path / 'bag', messages))
-    assert main([path]) == 0
+    assert main([path], STAMPS) == 0
     words = f'{SOURCE}: for 0.100 s it is not known how something moved; only its samples'
     assert words in capsys.readouterr().out
     files = {kind: str(tmp_path / f'result.{kind}') for kind in ('json', 'xml')}
     assert main([path, '--max-undetermined', '0', '--json', files['json'],
-                 '--junit', files['xml']]) == 2
+                 '--junit', files['xml']], STAMPS) == 2
     bag, = json.loads(Path(files['json']).read_text())['bags']
     assert [source['undetermined'] for source in bag['sources']] == [0, 10**8]
     case, = (case for case in ElementTree.parse(files['xml']).iter('testcase')
@@ -200,8 +199,10 @@ def test_example(tmp_path, capsys):
     example = str(tmp_path / 'example')
     assert main(['--write-example', example]) == 0
     result = tmp_path / 'result.json'
-    assert main([example, '--params-file', f'{example}/params.yaml', '--json', str(result)]) == 1
+    assert main([example, '--params-file', f'{example}/params.yaml', '--json', str(result)],
+                None) == 1
     bag, = json.loads(result.read_text())['bags']
+    assert bag['notes'] == []
     found = {(contact['footprint'], contact['obstacle']) for contact in bag['contacts']}
     assert found == {(name, f'{source}/{key}') for name, contacts in warehouse.CONTACTS.items()
                      for source, key in contacts}

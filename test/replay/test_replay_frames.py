@@ -19,15 +19,14 @@ from random import Random
 
 from builders import odometry, SECOND, serialised, transforms
 import pytest
-from recordings import box, nanoseconds, SOURCE, write
+from recordings import box, check, declared, MARKS, nanoseconds, SOURCE, STAMPS, write
 from sat_collision.replay.model.configuration import settings_of
 from sat_collision.replay.model.result import HEADER, Options, Verdict
-from sat_collision.replay.run import check
 from sat_collision.scene.parameters import ParameterError
 
 TYPES = {**dict.fromkeys(('/tf', '/tf_static'), 'tf2_msgs/msg/TFMessage'),
          '/odom': 'nav_msgs/msg/Odometry'}
-PARAMETERS = {'frame_id': 'odom', f'{SOURCE}.accumulate': True, f'{SOURCE}.timeout': 0.3}
+PARAMETERS = {'frame_id': 'odom', f'{SOURCE}.timeout': 0.3, **declared(STAMPS)}
 POST = [(0, 0), (0.25, 0), (0.25, 0.25), (0, 0.25)]
 
 
@@ -123,7 +122,7 @@ def test_recordings_without_transforms_say_other_frame(tmp_path):
 # An arm of 2 m that rotates about the origin of its frame, and posts that it passes.
 ARM = '[[0.0, -0.001], [2.0, -0.001], [2.0, 0.001], [0.0, 0.001]]'
 WITH_ARM = {'frame_id': 'odom', 'footprint.points': ARM, 'footprint.frame_id': 'base',
-            'max_tf_gap': 2.0, f'{SOURCE}.timeout': 0.0}
+            'max_tf_gap': 2.0, f'{SOURCE}.timeout': 0.0, **declared(MARKS)}
 
 
 def see(post, time=0.0):

@@ -24,10 +24,8 @@ import sys
 from xml.etree import ElementTree
 
 import pytest
-from recordings import box, drive, write
+from recordings import box, check, drive, main, write
 from sat_collision.replay import command
-from sat_collision.replay.command import main
-from sat_collision.replay.run import check
 
 CLEAR = drive(2.0, contact=(0, 0))
 TOUCHING = drive(2.0, contact=(1.0, 1.5))

@@ -19,10 +19,9 @@ import time
 
 from harness import to_ns
 import pytest
-from recordings import by_stamp, NAMES, published
+from recordings import by_stamp, check, NAMES, published
 from rosbags.highlevel import AnyReader
 from sat_collision.replay.model.result import Options
-from sat_collision.replay.run import check
 
 SECOND = 10**9
 STORAGES = 'mcap', 'sqlite3'

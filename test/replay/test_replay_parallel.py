@@ -21,11 +21,9 @@ from pathlib import Path
 import signal
 
 import pytest
-from recordings import drive, NAMES, published, write
+from recordings import check, drive, main, NAMES, published, write
 from sat_collision.replay import command
-from sat_collision.replay.command import main
 from sat_collision.replay.model.result import Options, Verdict
-from sat_collision.replay.run import check
 
 
 @pytest.fixture

@@ -17,12 +17,12 @@
 from builders import SECOND, serialised
 from published import load
 import pytest
-from recordings import box, drive, INSTANCE, NAMES, published, SOURCE, START, write
+from recordings import (
+    box, check, declared, drive, INSTANCE, MARKS, NAMES, published, SOURCE, STAMPS, START, write)
 from sat_collision.messages.cdr import decode
 from sat_collision.replay import run as replay
 from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.model.result import HEADER, Options, Verdict
-from sat_collision.replay.run import check
 
 
 LIVE = Options(as_live=True)
@@ -118,7 +118,7 @@ def test_silence_begins_at_its_timeout(tmp_path):
     """
     messages = sorted(standing(3.0) + standing(8.0, ['/footprint'])[30:] + [
         ('/other', 12.0, box(0))], key=lambda message: message[1])
-    result = check(write(tmp_path / 'bag', messages), LIVE)
+    result = check(write(tmp_path / 'bag', messages), LIVE, set_end=STAMPS)
     begins = [(round(since(result, unknown.first)[0], 6), unknown.reasons)
               for unknown in result.unknown]
     assert [begin for begin, _ in begins] == pytest.approx([0.0, 4.8, 4.9, 8.9], abs=1e-6)
@@ -139,7 +139,8 @@ def test_obstacle_is_forgotten_after_its_timeout(tmp_path):
         if k == 10:
             messages.append(('/tracks', k / 10, serialised(box(0.5), stamp, instance=7)))
         messages.append(('/tracks', k / 10, serialised(box(9), stamp, instance=8)))
-    result = check(write(tmp_path / 'bag', messages, types={'/tracks': INSTANCE}), LIVE)
+    result = check(write(tmp_path / 'bag', messages, types={'/tracks': INSTANCE}), LIVE,
+                   set_end=None)
     contact, = result.contacts
     assert contact.obstacle == 'tracks/7'
     assert since(result, contact.first, contact.last) == [1.0, pytest.approx(3.1, abs=1e-6)]
@@ -178,14 +179,14 @@ def test_messages_are_rejected_as_live_and_counted(tmp_path, data, reason):
     """An invalid obstacle makes the footprint unknown until the next set."""
     messages = standing(4.0)
     messages[40:42] = [('/footprint', 2.0, box(0)), ('/obstacles', 2.0, data)]
-    result = check(write(tmp_path / 'bag', messages), LIVE)
+    result = check(write(tmp_path / 'bag', messages), LIVE, set_end=STAMPS)
     source = next(source for source in result.sources if source.name == SOURCE)
     assert source.rejected == {reason: 1}
     assert '/obstacles' in source.examples[reason]
     assert any(reason in unknown.reasons[0] for unknown in result.unknown)
     assert result.verdict is {'undecodable': Verdict.BAD_INPUT,
                               'other frame': Verdict.CLEAR}.get(reason, Verdict.UNKNOWN)
-    strict = check(tmp_path / 'bag', Options(as_live=True, max_unknown=0.05))
+    strict = check(tmp_path / 'bag', Options(as_live=True, max_unknown=0.05), set_end=STAMPS)
     assert strict.verdict is (Verdict.BAD_INPUT if reason == 'undecodable' else Verdict.UNKNOWN)
 
 
@@ -218,12 +219,13 @@ def test_simulation_that_was_reset_is_not_clear(tmp_path, as_live, back, verdict
     """By header stamps all that follows is too old, also a contact; only maps may be that old."""
     def stamp(time):
         return START + round((time - (back if time >= 20.0 else 0.0)) * SECOND)
-    messages = [('/walls', 15.0, serialised(box(50), 1)), *(
+    messages = [*(('/walls', 15.0, serialised(points, 1)) for points in (box(50), [])), *(
         (topic, time, serialised(points, stamp(time)))
         for topic, time, points in drive(40.0, contact=(25.0, 26.0) if back else (0.0, 0.0)))]
     bag = write(tmp_path / 'bag', sorted(messages, key=lambda one: one[1]), latched=['/walls'])
     result = check(bag, Options(as_live=as_live, clock=HEADER, max_unknown=20.0, parameters={
-        'obstacles': ['seen', 'walls'], 'seen.topic': '/obstacles', 'walls.timeout': 0.0}))
+        'obstacles': ['seen', 'walls'], 'seen.topic': '/obstacles', 'walls.timeout': 0.0,
+        **declared(MARKS, 'seen', 'walls')}))
     assert result.verdict is verdict
     assert all('go back by 29.900 s' in problem for problem in result.problems)
 
@@ -233,12 +235,10 @@ def test_simulation_that_was_reset_is_not_clear(tmp_path, as_live, back, verdict
     ((), Verdict.UNKNOWN), (('/obstacles',), Verdict.CLEAR)])
 def test_map_recorded_once_must_be_latched(tmp_path, storage, latched, verdict):
     """Otherwise earlier messages may have been missed."""
-    messages = [('/obstacles', 0.0, serialised(box(x), 0)) for x in (3, 5)]
+    messages = [('/obstacles', 0.0, serialised(points, 0)) for points in (box(3), box(5), [])]
     messages += [('/footprint', k / 10, box(0)) for k in range(50)]
     bag = write(tmp_path / 'bag', messages, storage, latched=latched)
-    # A map is whole after a pause of 1 s.
-    result = check(bag, Options(parameters={f'{SOURCE}.timeout': 0.0}, max_unknown=1.5))
-    assert result.verdict is verdict
+    assert check(bag, Options(parameters={f'{SOURCE}.timeout': 0.0})).verdict is verdict
 
 
 @pytest.mark.parametrize('as_live', [False, True])
@@ -265,15 +265,14 @@ def test_time_of_the_monitor_does_not_go_back(tmp_path, monkeypatch, as_live, cl
             times.append(now)
             return super().receive_batch(name, messages, now, number)
 
-        def advance(self, now, is_all_taken=True):
+        def advance(self, now):
             times.append(now)
-            return super().advance(now, is_all_taken)
+            return super().advance(now)
 
     monkeypatch.setattr(replay, 'Monitor', Watched)
     messages = [*standing(3.0), ('/obstacles', 1.55, serialised(box(9), SECOND))]
     bag = write(tmp_path / 'bag', sorted(messages, key=lambda one: one[1]))
-    check(bag, Options(as_live=as_live, clock=clock, sample=5.0, parameters={
-        f'{SOURCE}.accumulate': True}))
+    check(bag, Options(as_live=as_live, clock=clock, sample=5.0), set_end=None)
     assert len(times) > 60 and times == sorted(times)
 
 
@@ -307,9 +306,9 @@ def test_number_of_samples_is_bounded(tmp_path):
 
 
 def test_one_topic_may_feed_several_sources(tmp_path):
-    """As sets and accumulated."""
+    """By marks and without."""
     result = check(write(tmp_path / 'bag', drive()), Options(
-        as_live=True, parameters={'kept.accumulate': True}, footprints=('/footprint',),
+        as_live=True, parameters=declared(MARKS, 'sets'), footprints=('/footprint',),
         obstacles=('sets:=/obstacles', 'kept:=/obstacles')))
     assert {contact.obstacle.partition('/')[0] for contact in result.contacts} == {'sets', 'kept'}
 

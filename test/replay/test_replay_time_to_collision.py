@@ -20,11 +20,10 @@ import struct
 
 from builders import command, SECOND, serialised, transforms
 import pytest
-from recordings import box, INSTANCE, nanoseconds, SOURCE, write
+from recordings import box, check, INSTANCE, nanoseconds, SOURCE, write
 from sat_collision.messages.interfaces import deserialize, DiagnosticArray, Float64
 from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.model.result import Limits, Options
-from sat_collision.replay.run import check
 
 
 def published(bag):

@@ -14,6 +14,7 @@
 
 """Recordings made for a test: polygons by topic and time, written by rosbags."""
 
+from dataclasses import replace
 import itertools
 from pathlib import Path
 import subprocess
@@ -32,7 +33,9 @@ from rosbags.rosbag2 import (  # noqa: E402
     CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer)
 from sat_collision.messages.cdr import decode  # noqa: E402
 from sat_collision.messages.rosbags_interfaces import STORE  # noqa: E402
+from sat_collision.replay import command, run  # noqa: E402
 from sat_collision.replay.model.configuration import settings_of  # noqa: E402
+from sat_collision.replay.model.result import Options  # noqa: E402
 
 NAMES = ('autoware_ego_trajectory_boxes', 'commonroad_USA_Lanker-1_1_ego1247',
          'tysik_front_scan_polygons')
@@ -45,6 +48,25 @@ LATCHED = Qos(QosHistory.KEEP_LAST, 10, QosReliability.RELIABLE, QosDurability.T
               *[QosTime(0, 0)] * 2, QosLiveliness.AUTOMATIC, QosTime(0, 0), False)
 # The name of the default source of obstacles.
 SOURCE = settings_of({}).obstacles[0].name
+MARKS, STAMPS, EACH = 'empty_polygon', 'new_stamp', 'each_message'
+
+
+def declared(set_end, *names):
+    """Return parameters that declare what ends the sets of some sources, the default one."""
+    return {f'{name}.set_end': set_end for name in names or (SOURCE,)}
+
+
+def check(path, options=Options(), progress=None, set_end=MARKS):
+    """Check a recording whose default source, if it has that, ends its sets so; None for none."""
+    if set_end and not options.obstacles and 'obstacles' not in options.parameters:
+        options = replace(options, parameters={**declared(set_end), **options.parameters})
+    return run.check(path, options, progress)
+
+
+def main(arguments, set_end=MARKS):
+    """Run the command on recordings whose default source ends its sets so; None for none."""
+    return command.main([*arguments, *([f'--param={SOURCE}.set_end:={set_end}']
+                                       if set_end else [])])
 
 
 def nanoseconds(time):

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 import enum
 from heapq import merge
@@ -128,6 +128,18 @@ class Contact:
         self.points = found.points_a.tolist()
         return True
 
+    def join(self, other: Contact) -> None:
+        """Add a contact of the same footprint and obstacle that began later."""
+        if other.depth > self.depth:
+            self.depth, self.deepest, self.deepest_as = (
+                other.depth, other.deepest, other.deepest_as)
+            self.x, self.y, self.normal, self.points = (
+                other.x, other.y, other.normal, other.points)
+        if other.last > self.last:
+            self.last, self.between[1] = other.last, other.between[1]
+        self.at_end |= other.at_end
+        self.found = self.found if self.found == AT_A_SAMPLE else other.found
+
 
 @dataclass
 class Unknown:
@@ -170,6 +182,7 @@ class FootprintResult:
     clear: int = 0
     collision: int = 0
     unknown: int = 0
+    start_up: int = 0  # for how long after the start some source cannot be known
     ever_known: bool = False
     least: Least | None = None
     # In m, None where unknown; of very many samples only the least of neighbours are kept.
@@ -208,6 +221,7 @@ class SourceResult:
     # two messages could not be matched: only the messages themselves were decided.
     undetermined: int = 0
     refused: int = 0  # for their content, such as NaN or self-intersection
+    known_by: str = ''  # the rule by which all obstacles of it are known
 
 
 @dataclass
@@ -255,10 +269,16 @@ class Result:
 
     @property
     def too_unknown(self) -> list[FootprintResult]:
-        """The footprints that were unknown for too long."""
+        """The footprints that were unknown for too long, besides their start-up."""
         limit = 1e9 * self.options.max_unknown
-        return [footprint for footprint in self.footprints if footprint.enabled
-                and (footprint.unknown > limit or not footprint.ever_known)]
+        return [footprint for footprint in self.footprints if footprint.enabled and (
+            footprint.unknown - self._unknown_at_start(footprint) > limit
+            or not footprint.ever_known)]
+
+    def _unknown_at_start(self, footprint: FootprintResult) -> int:
+        end = (self.start or 0) + footprint.start_up
+        return sum(min(one.last, end) - one.first for one in self.unknown
+                   if one.footprint == footprint.name and one.first < end)
 
     @property
     def too_undetermined(self) -> list[SourceResult]:
@@ -341,6 +361,21 @@ def joined(intervals: Iterable[tuple[_Number, _Number]], gap: float = 0
         if found and first <= found[-1][1] + gap:
             first, last = found[-1][0], max(last, found.pop()[1])
         found.append((first, last))
+    return found
+
+
+def joined_contacts(contacts: Iterable[Contact], sources: Container[str]) -> list[Contact]:
+    """Return contacts in order, those that overlap with one obstacle of some sources as one."""
+    found: list[Contact] = []
+    latest: dict[tuple[str, str], Contact] = {}
+    for contact in sorted(contacts, key=lambda contact: contact.first):
+        key = contact.footprint, contact.obstacle
+        if contact.obstacle.partition('/')[0] in sources and (
+                key in latest and contact.first <= latest[key].last):
+            latest[key].join(contact)
+        else:
+            latest[key] = contact
+            found.append(contact)
     return found
 
 

@@ -75,7 +75,7 @@ class Block:
         affines: list[Affine2D | None] = []
         rings = at = 0
         for number, placements in enumerate(sets):
-            for _, stamp, _, _, (data, where, count, _), affine, *_ in placements:
+            for _, stamp, _, (data, where, count, _), affine, *_ in placements:
                 run, points_at = 1, 0
                 if isinstance(where, int):
                     data = data[where:where + POINT_SIZE * count]

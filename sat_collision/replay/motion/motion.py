@@ -30,7 +30,7 @@ from typing import Any
 from sat_collision.messages.ingest import Placement
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.replay.model.result import (
-    Contact, FootprintResult, joined, Unknown, Unknowns)
+    Contact, FootprintResult, joined, joined_contacts, Unknown, Unknowns)
 from sat_collision.replay.motion.bodies import Block, Bodies, LONGEST
 from sat_collision.replay.motion.contacts import ContactResults, ContactTracker
 from sat_collision.replay.motion.prediction import Predictor
@@ -39,7 +39,7 @@ from sat_collision.replay.motion.tracker import Emit, KeyTracker, SetTracker, St
 from sat_collision.replay.motion.trajectories import Poses, Trajectory
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.scene import Scene
-from sat_collision.scene.settings import FootprintSettings, POLYGON_INSTANCE, Settings
+from sat_collision.scene.settings import FootprintSettings, NONE, POLYGON_INSTANCE, Settings
 from sat_collision.scene.velocity import Command
 
 
@@ -165,8 +165,7 @@ class RecordedMotion:
         self._max_vertices = settings.max_vertices
         self._frame_id = settings.frame_id
         self._sources = {source.name: source for source in settings.obstacles}
-        # By source, and whether the bodies have stamps: a source of sets may have both.
-        self._trackers: dict[tuple[str, bool], Tracker] = {}
+        self._trackers: dict[str, Tracker] = {}
         keep = 3 * max((min(round(source.timeout * 1e9) or LONGEST, LONGEST)
                         for source in settings.obstacles), default=0)
         self._sweeps = {result.name: Sweep(
@@ -192,8 +191,7 @@ class RecordedMotion:
         """Process placements, given in the order of stamps."""
         sweeps, trackers = self._sweeps, self._trackers
         # None for those of a new tracker: it must not rest before its first placement.
-        takers = [sweeps.get(one.name) or trackers.get((one.name, one.is_stamped))
-                  for one in placements]
+        takers = [sweeps.get(one.name) or trackers.get(one.name) for one in placements]
         taken: defaultdict[Sweep | Tracker | None, list[Placement]] = defaultdict(list)
         for taker, placement in zip(takers, placements):
             taken[taker].append(placement)
@@ -207,18 +205,17 @@ class RecordedMotion:
             if isinstance(taker, Sweep):
                 self._place_footprint(taker, placement, bodies)
             else:
-                taker = taker or self._tracker(placement.name, placement.is_stamped)
+                taker = taker or self._tracker(placement.name)
                 taker.place(placement, bodies)
 
-    def _tracker(self, name: str, is_stamped: bool) -> Tracker:
-        """Return the tracker of a source's bodies with stamps, or of those without."""
-        source = self._sources[name]
-        in_sets = (is_stamped and source.timeout > 0.0 and not source.accumulate
-                   and source.type != POLYGON_INSTANCE)
-        tracker = self._trackers.get((name, in_sets))
+    def _tracker(self, name: str) -> Tracker:
+        """Return the tracker of a source."""
+        tracker = self._trackers.get(name)
         if tracker is None:
-            kind = SetTracker if in_sets else KeyTracker
-            tracker = self._trackers[name, in_sets] = kind(
+            source = self._sources[name]
+            in_sets = (source.ending != NONE and source.timeout > 0.0
+                       and source.type != POLYGON_INSTANCE)
+            tracker = self._trackers[name] = (SetTracker if in_sets else KeyTracker)(
                 source, self._max_vertices, self._emit_of(name))
             tracker.use_frame(self._frame_id)
         return tracker
@@ -236,9 +233,6 @@ class RecordedMotion:
             self._sweeps[name].trajectory.lose()
             if self._tape:
                 self._tape.write(name, None)
-        for (source, _), tracker in self._trackers.items():
-            if source == name:
-                tracker.lose()
 
     def finish(self, end: int) -> None:
         """Decide all remaining steps at the end of the recording, and complete the results."""
@@ -266,14 +260,15 @@ class RecordedMotion:
             both = _length(touching + unknown, start, end)
             result.unknown = both - result.collision
             result.clear = end - start - both
+        self.contacts[:] = joined_contacts(self.contacts, {
+            source.name for source in self._sources.values() if source.ending == NONE})
         self.contacts.sort(key=attrgetter('first'))
 
     def undetermined(self, name: str) -> int:
         """Return for how long (ns) the motion of a footprint or of obstacles was not known."""
         if name in self._sweeps:
             return self._sweeps[name].undetermined
-        return sum(tracker.undetermined for (source, _), tracker in self._trackers.items()
-                   if source == name)
+        return self._trackers[name].undetermined if name in self._trackers else 0
 
     def _place_footprint(self, sweep: Sweep, placement: Placement, sample: Bodies) -> None:
         if placement.frame_id != self._frame_id:

@@ -15,9 +15,10 @@
 """
 Match the bodies of a source from one message to the next: by id, by shape, or set by set.
 
-A tracker turns the placements of a source into steps, each from one moment at which bodies were
-received to the next. A body that is not received again stands still until it times out, unless it
-is known to move.
+Which messages are one set, and which sets are whole, is what the live knowledge found: placements
+have the numbers of listings. A tracker turns the placements of a source into steps, each from one
+moment at which bodies were received to the next. A body that is not received again stands still
+until it times out, unless it is known to move.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from abc import ABC, abstractmethod
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence, Set
 from dataclasses import dataclass
-from itertools import chain, compress, repeat
+from itertools import chain, compress, count, repeat
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -35,10 +36,12 @@ from sat_collision.replay.motion.bodies import (
     Block, Bodies, LinearMotion, LONGEST, motion_between, motion_in_block, stay)
 from sat_collision.replay.motion.kernels import COUNT, MOVED, mutual_nearest
 from sat_collision.scene.obstacles import ObstacleId
-from sat_collision.scene.settings import NEVER, ObstacleSettings, POLYGON_INSTANCE
+from sat_collision.scene.settings import NEVER, ObstacleSettings
 
 # Bodies known by id or shape are processed together if stamped within this of the first, ns.
 _TOGETHER = 10**8
+# So many shapes are remembered though their bodies are gone.
+_MAX_FORGOTTEN = 1000
 
 
 @dataclass(slots=True)
@@ -108,9 +111,6 @@ class Tracker(ABC):
         """Set the current frame, and drop bodies in other frames."""
         self._frame_id = frame_id
 
-    def lose(self) -> None:
-        """Record that a message was refused, whose obstacle may be any."""
-
     def _bodies(self, names: Sequence[ObstacleId], placements: Sequence[Placement],
                 block: Block, number: int = 0) -> Bodies:
         """Return the received bodies of a block; there may be more names than bodies."""
@@ -123,40 +123,18 @@ class Tracker(ABC):
         return not self._frame_id or placement.frame_id == self._frame_id
 
 
-@dataclass(slots=True)
-class _Extent:
-    """Which stamps a set has, how many bodies, and whether an empty polygon has ended it."""
-
-    start: int
-    last: int
-    count: int = 0
-    is_ended: bool = False
-
-    def add(self, placement: Placement) -> None:
-        self.last = max(self.last, placement.stamp)
-        if placement.is_empty:
-            self.is_ended = True
-        else:
-            ends = placement.points[1]
-            self.count += 1 if isinstance(ends, int) else 1 + len(ends)
-
-
 class SetTracker(Tracker):
     """
-    Follows a source that publishes sets.
+    Follows a source that publishes sets, each a listing.
 
-    A set is a run of messages whose stamps lie within `set_window` of its first, until an empty
-    polygon or `max_count` messages have ended it; those with its last stamp still belong to it.
     The order of bodies may differ from set to set, so bodies of two sets are matched if they are
     nearest to each other and have equally many vertices.
     """
 
     def __init__(self, settings: ObstacleSettings, max_vertices: int, emit: Emit) -> None:
         super().__init__(settings, max_vertices, emit)
-        self._window = round(settings.set_window * 1e9)
-        self._max_count = settings.max_count
-        # The set that is being received.
-        self._extent: _Extent | None = None
+        # The number of the set that is being received, 0 if none is, and its first stamp.
+        self._listing = self._start = 0
         self._pending: list[Placement] = []
         self._described: Described | None = None
         self._names: list[ObstacleId] = []
@@ -169,14 +147,12 @@ class SetTracker(Tracker):
     def describe(self, placements: Sequence[Placement]) -> Iterable[Described | None]:
         sets: list[list[Placement]] = []
         begins = []
-        extent = None
+        listing = 0
         for placement in placements:
-            is_first = not self._is_in(extent, placement)
-            if extent is None or is_first:
-                extent = _Extent(placement.stamp, placement.stamp)
+            begins.append(placement.listing != listing)
+            if placement.listing != listing:
+                listing = placement.listing
                 sets.append([])
-            begins.append(is_first)
-            extent.add(placement)
             if not placement.is_empty:
                 sets[-1].append(placement)
         block = Block(sets, self._longest)
@@ -184,12 +160,10 @@ class SetTracker(Tracker):
         return [next(found) if is_first else None for is_first in begins]
 
     def place(self, placement: Placement, described: Described | None = None) -> None:
-        if not self._is_in(self._extent, placement):
+        if placement.listing != self._listing:
             self._close()
-        if self._extent is None:
-            self._extent = _Extent(placement.stamp, placement.stamp)
+            self._listing, self._start = placement.listing, placement.stamp
             self._described = described
-        self._extent.add(placement)
         if not placement.is_empty:
             self._pending.append(placement)
 
@@ -199,7 +173,7 @@ class SetTracker(Tracker):
             self._last = None
 
     def rest(self, now: int, is_over: bool = False) -> None:
-        if self._extent and (is_over or now > self._extent.start + self._longest):
+        if self._listing and (is_over or now > self._start + self._longest):
             self._close()
         last, seen = self._last, self._seen
         if last is None or seen is None or not self._alive or not (
@@ -220,22 +194,13 @@ class SetTracker(Tracker):
         self._last = last.at([now if row in left else stamp for row, stamp in enumerate(stamps)])
         self._last_stamp = now
 
-    def _is_in(self, extent: _Extent | None, placement: Placement) -> bool:
-        """Return whether a placement is in the set of an extent, by the rules of `Sets`."""
-        if extent is None:
-            return False
-        if placement.stamp == extent.last:
-            return True
-        return (not extent.is_ended and abs(placement.stamp - extent.start) <= self._window
-                and (placement.is_empty or extent.count < self._max_count))
-
     def _close(self) -> None:
         """End the set that is being received, and match the bodies of the one before to it."""
-        extent, self._extent = self._extent, None
-        if extent is None:
+        if not self._listing:
             return
-        stamp = extent.start
+        self._listing = 0
         seen = self._take_set()
+        stamp = seen.begin or self._start
         last, last_seen = self._last, self._seen
         motions: list[LinearMotion] = []
         until: dict[int, int] = {}
@@ -299,10 +264,11 @@ class SetTracker(Tracker):
 
 
 class _Sighting(NamedTuple):
-    """A body in its group, when it was received, and until when it has stood."""
+    """A body in its group, its listing, when it was received, and until when it has stood."""
 
     bodies: Bodies
     row: int
+    listing: int
     seen_at: int
     stamp: int
 
@@ -311,48 +277,53 @@ class KeyTracker(Tracker):
     """
     Follows bodies that have ids, or are known by shape and so stand still.
 
-    Without a timeout they make a map, by the rules of `Maps`: when an empty polygon ends one, the
-    bodies that are not in it are gone.
+    In listings, as those of maps, a whole one replaces all bodies that are only in older ones.
     """
 
     def __init__(self, settings: ObstacleSettings, max_vertices: int, emit: Emit) -> None:
         super().__init__(settings, max_vertices, emit)
-        self._by_id = settings.type == POLYGON_INSTANCE
+        # The bodies that are there, those that have stood for longest first.
         self._seen: dict[ObstacleId, _Sighting] = {}
         # The group of bodies that is being received.
         self._pending: dict[ObstacleId, Placement] = {}
         self._shapes: dict[tuple[bytes, object], ObstacleId] = {}
+        self._numbers = count(1)
         self._first_stamp = self._rested = self._now = 0
-        # What of the map has been received, and whether nothing of it was refused.
-        self._listed: set[ObstacleId] = set()
-        self._is_whole = True
+        # Listing and stamp of the last message, if it has no listing the place among those of its
+        # stamp; and the last whole listing.
+        self._listing = self._stamp = self._place = self._whole = 0
+        # The last stamp of the group before.
+        self._closed_at: int | None = None
 
     def place(self, placement: Placement, described: Described | None = None) -> None:
-        is_map = self._timeout == NEVER
-        if is_map:
+        if self._timeout == NEVER:
             # It may be stamped long before it was received, again and again.
             placement = placement._replace(stamp=max(placement.stamp, self._now))
-        if placement.is_empty:
-            if is_map:
-                self._end_map(placement.stamp)
-            return
-        for one in placement.each():
+        if placement.listing != self._listing or not (placement.listing or (
+                placement.stamp == self._stamp)):
+            self._place = 0
+        # The stamp of an empty polygon after others means nothing.
+        if placement.listing != self._listing or not placement.is_empty:
+            self._listing, self._stamp = placement.listing, placement.stamp
+        for one in () if placement.is_empty else placement.each():
             name = self._name(one)
-            self._listed.add(name)
+            self._place += 1
             if self._pending and (name in self._pending
                                   or abs(one.stamp - self._first_stamp) > _TOGETHER):
                 self._close()
             if not self._pending:
                 self._first_stamp = one.stamp
             self._pending[name] = one
+        if placement.last_whole > self._whole:
+            self._whole = placement.last_whole
+            self._close()
+            self._stand(self._stamp, self._longest, replaced={
+                name for name, one in self._seen.items() if one.listing < self._whole})
 
     def use_frame(self, frame_id: str) -> None:
         super().use_frame(frame_id)
         self._seen = {name: sighting for name, sighting in self._seen.items()
                       if sighting.bodies.frame_id == frame_id}
-
-    def lose(self) -> None:
-        self._is_whole = False
 
     def rest(self, now: int, is_over: bool = False) -> None:
         self._now = now
@@ -363,18 +334,16 @@ class KeyTracker(Tracker):
             self._stand(now, 0 if is_over else self._longest, is_over)
 
     def _name(self, placement: Placement) -> ObstacleId:
-        if self._by_id:
-            return ObstacleId(self._source, placement.instance or 0)
-        return self._shapes.setdefault((placement.shape, placement.affine),
-                                       ObstacleId(self._source, -1 - len(self._shapes)))
-
-    def _end_map(self, now: int) -> None:
-        """Drop the bodies that are not in the map that ends, if that is whole."""
-        self._close()
-        if self._is_whole:
-            self._stand(now, self._longest, replaced=self._seen.keys() - self._listed)
-        self._listed.clear()
-        self._is_whole = True
+        """Return the name of a body: its id, else the place where its shape was sent first."""
+        if placement.instance:
+            return ObstacleId(self._source, placement.instance)
+        key = placement.shape, placement.affine
+        if key not in self._shapes:
+            if len(self._shapes) > 2 * len(self._seen) + len(self._pending) + _MAX_FORGOTTEN:
+                self._shapes = {key: name for key, name in self._shapes.items()
+                                if name in self._seen or name in self._pending}
+            self._shapes[key] = ObstacleId(self._source, self._place, next(self._numbers))
+        return self._shapes[key]
 
     def _stand(self, now: int, least: int, is_over: bool = False,
                replaced: Set[ObstacleId] = frozenset()) -> None:
@@ -387,7 +356,7 @@ class KeyTracker(Tracker):
         found: dict[int, Bodies] = {}
         gone = []
         for name, sighting in list(self._seen.items()):
-            bodies, row, seen_at, stamp = sighting
+            bodies, row, _, seen_at, stamp = sighting
             is_replaced = name in replaced
             if stamp >= now - least and not is_replaced:
                 continue
@@ -426,7 +395,8 @@ class KeyTracker(Tracker):
         followed: defaultdict[int, list[tuple[int, int]]] = defaultdict(list)
         found: dict[int, Bodies] = {}
         undetermined = 0
-        for row, (name, stamp) in enumerate(zip(seen.names, seen.stamps.tolist())):
+        for row, (name, one, stamp) in enumerate(
+                zip(seen.names, placements, seen.stamps.tolist())):
             last = self._seen.get(name)
             if last is not None:
                 passed = stamp - last.stamp
@@ -436,8 +406,12 @@ class KeyTracker(Tracker):
                     followed[id(last.bodies)].append((last.row, row))
                 else:
                     undetermined = max(undetermined, min(passed, self._longest))
-            self._seen[name] = _Sighting(seen, row, stamp, stamp)
+            elif name.number and not one.listing and self._closed_at is not None:
+                # It may be one that has moved.
+                undetermined = max(undetermined, min(stamp - self._closed_at, self._longest))
+            self._seen[name] = _Sighting(seen, row, one.listing, stamp, stamp)
         self.undetermined += undetermined
+        self._closed_at = seen.end
         motions = []
         for key, pairs in followed.items():
             rows, next_rows = np.array(pairs, np.int64).T

@@ -37,7 +37,7 @@ from sat_collision.replay.model.result import FootprintResult, Options, overall,
 from sat_collision.replay.output.text import (
     how_found, how_soon, how_undetermined, lasting, report, summary)
 
-SCHEMA = 'sat_collision.replay/3'
+SCHEMA = 'sat_collision.replay/4'
 _COLUMNS = ('bag', 'kind', 'footprint', 'obstacle', 'first_ns', 'last_ns', 'duration_s', 'depth_m',
             'deepest_ns', 'x_m', 'y_m', 'reason', 'found', 'normal_x', 'normal_y', 'point_x_m',
             'point_y_m', 'second_point_x_m', 'second_point_y_m', 'time_to_collision_s')

@@ -29,12 +29,11 @@ import time
 from xml.etree import ElementTree
 
 import pytest
-from recordings import box, drive, SOURCE, START, write
+from recordings import box, check, drive, SOURCE, START, write
 from sat_collision.replay.__main__ import main
 from sat_collision.replay.bag.sqlite import SqliteFile
 from sat_collision.replay.bag.storage import check_bag_writer, Faults, Limits, Scratch
 from sat_collision.replay.model.result import Options, Verdict
-from sat_collision.replay.run import check
 
 from storages import (
     channel, CHUNK, CHUNK_INDEX, create_db3, HEADER, killed_recorder, MAGIC, mcap_of, message,

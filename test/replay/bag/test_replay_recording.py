@@ -24,12 +24,10 @@ from types import ModuleType, SimpleNamespace
 import zlib
 
 import pytest
-from recordings import box, drive, POLYGON, run_without, write
+from recordings import box, check, drive, main, POLYGON, run_without, write
 from rosbags.highlevel import AnyReader
 from sat_collision.replay.bag import storage as storages
-from sat_collision.replay.command import main
 from sat_collision.replay.model.result import Options, Verdict
-from sat_collision.replay.run import check
 from storages import (
     channel, CHUNK, mcap_of, MESSAGE, message, record, schema, storage_file, text)
 

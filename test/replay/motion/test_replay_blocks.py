@@ -16,7 +16,8 @@
 
 import numpy as np
 import pytest
-from recordings import box, START
+from recordings import box, declared, STAMPS, START
+from sat_collision.geometry.packing import TRIPLE
 from sat_collision.messages.ingest import Placement
 from sat_collision.replay.model.configuration import settings_of
 from sat_collision.replay.model.result import FootprintResult
@@ -28,15 +29,16 @@ SHAPES = [box(0.0), [(0, 0), (2, 0), (0.5, 1)], [(0, 0), (1.5, 0.5)], [*box(0.0)
 NAMES = 'robot', 'cart', 'lidar', 'radar', 'map'
 SETTINGS = settings_of({
     'footprints': ['robot', 'cart'], 'obstacles': ['lidar', 'radar', 'map'], 'margin': 0.1,
-    'map.accumulate': True, **{f'{name}.topic': f'/{name}' for name in NAMES}})
+    **declared(STAMPS, 'lidar', 'radar'), **{f'{name}.topic': f'/{name}' for name in NAMES}})
 
 
 def placed(name, time, shape):
     """Return the placement of a body at a time in s."""
     points = np.zeros((len(shape), 3), np.float32)
     points[:, :2] = shape
-    return Placement(name, START + round(time * 1e9), True, 'map',
-                     (points.tobytes(), 0, len(points)), None, None)
+    stamp = START + round(time * 1e9)
+    return Placement(name, stamp, 'map', (points.tobytes(), 0, len(points), TRIPLE), None, None,
+                     listing=stamp if name in ('lidar', 'radar') else 0)
 
 
 def placements(name, rng, times, shapes):

@@ -16,6 +16,7 @@
 
 import numpy as np
 import pytest
+from sat_collision.geometry.packing import TRIPLE
 from sat_collision.messages.ingest import Placement
 from sat_collision.replay.motion.tracker import SetTracker
 from sat_collision.scene.settings import ObstacleSettings
@@ -27,8 +28,8 @@ def placement(stamp, points):
     """Return a placement at a whole number of periods."""
     array = np.zeros((len(points), 3), np.float32)
     array[:, :2] = np.reshape(points, (-1, 2))
-    return Placement('lidar', stamp * PERIOD, True, 'map', (array.tobytes(), 0, len(points)),
-                     None, None)
+    return Placement('lidar', stamp * PERIOD, 'map', (array.tobytes(), 0, len(points), TRIPLE),
+                     None, None, listing=stamp)
 
 
 def random_set(rng, count, extent):

@@ -19,11 +19,10 @@ import math
 from builders import box, serialised, transforms
 import numpy as np
 import pytest
-from recordings import INSTANCE, nanoseconds, SOURCE, write
+from recordings import check, declared, INSTANCE, MARKS, nanoseconds, SOURCE, write
 from sat_collision.replay.model.result import Options
-from sat_collision.replay.run import check
 
-KINDS = {'sets': {}, 'ids': {f'{SOURCE}.type': 'polygon_instance'}}
+KINDS = {'sets': declared(MARKS), 'ids': {f'{SOURCE}.type': 'polygon_instance'}}
 FRAMES = ('odom', 'laser'), ('laser', 'odom'), ('laser', 'laser')
 BODIES_EVERY, TRANSFORMS_EVERY, LAST = 1 / 16, 1 / 8, 8.0
 TURNING = 0.4
@@ -56,7 +55,9 @@ def recorded(path, kind, delay, turning, frames):
                          written(box(1.5 * time, 0.0), time, frames[0], turning)))
         messages += [('/obstacles', time + 0.02 + 0.001 * i,
                       written(place(time), time, frames[1], turning, i if kind == 'ids' else None))
-                     for i, place in enumerate(OBSTACLES)]
+                     for i, place in enumerate(OBSTACLES, 1)]
+        if kind == 'sets':
+            messages.append(('/obstacles', time + 0.03, []))
     messages.sort(key=lambda message: message[1])
     types = {'/tf': 'tf2_msgs/msg/TFMessage'}
     if kind == 'ids':
@@ -80,7 +81,7 @@ def test_motion_is_that_of_the_fixed_frame(tmp_path, kind, delay, turning):
     near = 1e-5 if turning else 0.0
     fixed = recorded(tmp_path / 'fixed', kind, delay, turning, ('odom', 'odom'))
     assert [contact.obstacle for contact in fixed.contacts] == [
-        f'{SOURCE}/2', f'{SOURCE}/0', f'{SOURCE}/1']
+        f'{SOURCE}/{k + (kind == "ids")}' for k in (2, 0, 1)]
     for frames in FRAMES:
         moving = recorded(tmp_path / '-'.join(frames), kind, delay, turning, frames)
         compare(moving, fixed, near)

@@ -16,23 +16,23 @@
 
 from builders import serialised
 import pytest
-from recordings import box, drive, INSTANCE, nanoseconds, published, write
+from recordings import (
+    box, check, drive, INSTANCE, MARKS, nanoseconds, published, STAMPS, write)
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.query import separation
 from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.bag.storage import Limits
 from sat_collision.replay.model.result import moments_of, Options
 from sat_collision.replay.output.page import write_page
-from sat_collision.replay.run import check
 
 RECORDINGS = ('autoware_ego_trajectory_boxes', 'commonroad_BEL_Zaventem-1_2_T-1',
               'commonroad_USA_Lanker-1_1_ego1247', 'tysik_front_scan_polygons')
 WITH_IDS = {'obstacle.type': 'polygon_instance'}
 
 
-def with_keyframes(path, **options):
+def with_keyframes(path, set_end=MARKS, **options):
     """Return the result of a check with keyframes."""
-    result = check(path, Options(keyframes=True, **options))
+    result = check(path, Options(keyframes=True, **options), set_end=set_end)
     assert not result.problems
     return result
 
@@ -71,7 +71,7 @@ def agree(result, as_live):
 @pytest.mark.parametrize('name', RECORDINGS)
 def test_keyframes_agree_with_the_depth_of_contacts(name, as_live):
     """Exactly, at the deepest moment of each."""
-    agree(with_keyframes(published(name), as_live=as_live), as_live)
+    agree(with_keyframes(published(name), STAMPS, as_live=as_live), as_live)
 
 
 def test_keyframes_of_a_momentary_contact(tmp_path):
@@ -94,7 +94,7 @@ def test_bodies_are_interpolated_between_messages(tmp_path):
                                                      instance=7)) for time in range(21)]
     messages.sort(key=lambda message: message[1])
     result = with_keyframes(write(tmp_path / 'bag', messages, types={'/obstacles': INSTANCE}),
-                            parameters=WITH_IDS)
+                            None, parameters=WITH_IDS)
     for time in (0.3, 4.5, 7.77):
         number = nearest(result.keyframes, time)
         moment = (result.keyframes.moments[number] - nanoseconds(0)) / 1e9
@@ -163,6 +163,6 @@ def test_bodies_that_come_and_go_between_two_moments_are_left_out(tmp_path):
     """There are moments every 0.25 s, and the page can be written."""
     messages = [message for k in range(1000) for message in (
         ('/footprint', k / 10, box(0)), ('/obstacles', k / 10, box(3 + k % 50)[:3 + k % 2]))]
-    result = with_keyframes(write(tmp_path / 'bag', messages))
+    result = with_keyframes(write(tmp_path / 'bag', messages), STAMPS)
     assert all(body.spans for body in result.keyframes.bodies)
     write_page([result], tmp_path / 'page.html')

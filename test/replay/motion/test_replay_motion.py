@@ -17,13 +17,18 @@
 from builders import SECOND, serialised
 from published import load
 import pytest
-from recordings import box, INSTANCE, POLYGON, published, SOURCE, START, write
-from sat_collision.replay.command import main
+import recordings
+from recordings import (
+    box, declared, EACH, INSTANCE, main, MARKS, POLYGON, published, SOURCE, STAMPS, START, write)
 from sat_collision.replay.model.result import AT_A_SAMPLE, BETWEEN_SAMPLES, Options, Verdict
-from sat_collision.replay.run import check
 
 NAMES = ('autoware_ego_trajectory_boxes', 'commonroad_BEL_Zaventem-1_2_T-1',
          'commonroad_USA_Lanker-1_1_ego1247', 'tysik_front_scan_polygons')
+
+
+def check(path, options=Options(), set_end=STAMPS):
+    """Check a recording in which all obstacles of a set have one stamp."""
+    return recordings.check(path, options, set_end=set_end)
 
 
 def since(result, *times):
@@ -40,7 +45,8 @@ def test_leader_at_constant_distance_is_not_touched(tmp_path):
     """
     Both drive at 2 m/s, 0.10 m apart; messages come at 10 Hz, the footprint's 20 ms earlier.
 
-    As live the leader's previous position counts, which is 0.20 m back.
+    As live the leader's previous position counts, which is 0.20 m back; so does it where nothing
+    is known of its sets, and a note says that.
     """
     messages = []
     for k in range(40):
@@ -52,14 +58,20 @@ def test_leader_at_constant_distance_is_not_touched(tmp_path):
     values = [value for _, value in result.footprints[0].separation if value is not None]
     assert len(values) >= 38
     assert values == pytest.approx([0.1] * len(values), abs=1e-5)
+    assert result.notes == []
     assert check(bag, Options(as_live=True)).verdict is Verdict.COLLISION
+    result = check(bag, set_end=None)
+    assert result.verdict is Verdict.COLLISION and [contact.obstacle for contact in (
+        result.contacts)] == [f'{SOURCE}/0']
+    assert any('may be with where an obstacle was' in note for note in result.notes)
 
 
 @pytest.mark.parametrize('as_live', [False, True])
 def test_footprint_monitors_only_its_sources(tmp_path, as_live):
     """The robot stands in its dock, which only the cart monitors."""
     parameters = {'footprints': ['robot', 'cart'], 'obstacles': ['dock', 'walls'],
-                  'robot.obstacles': ['walls'], 'cart.obstacles': ['']}
+                  'robot.obstacles': ['walls'], 'cart.obstacles': [''],
+                  **declared(STAMPS, 'dock', 'walls')}
     messages = []
     for k in range(20):
         messages += [(f'/{name}', k / 10, box(0)) for name in ('robot', 'cart')]
@@ -95,7 +107,7 @@ def test_thin_wall_between_two_messages(tmp_path, capsys):
         ('/footprint', k / 10, [(k, 0), (k + 0.5, 0), (k + 0.5, 0.5), (k, 0.5)]),
         ('/obstacles', k / 10, wall))]
     bag = write(tmp_path / 'bag', messages)
-    assert main([str(bag)]) == 1
+    assert main([str(bag)], STAMPS) == 1
     assert 'between 2.000 and 2.100 s' in capsys.readouterr().out
     result = check(bag)
     contact, = result.contacts
@@ -128,11 +140,11 @@ def samples(places, topic='/footprint', every=0.1, size=1.0):
     return [(topic, k * every, box(x, size=size)) for k, x in enumerate(places)]
 
 
-def run(tmp_path, messages, **options):
+def run(tmp_path, messages, set_end=STAMPS, **options):
     """Check messages, sorted by time."""
     types = {'/tracks': INSTANCE}
     return check(write(tmp_path / 'bag', sorted(messages, key=lambda one: one[1]), types=types),
-                 Options(**options))
+                 Options(**options), set_end)
 
 
 def test_motion_of_both_bodies_counts(tmp_path):
@@ -200,24 +212,23 @@ def test_members_of_a_set_have_their_own_stamps(tmp_path):
     for k in range(20):
         messages += [at(k / 10, box(k), topic='/footprint'),
                      at(k / 10 + 0.03, box(k + 0.3 + 1.5), 0.01),
-                     at(k / 10 + 0.04, box(k + 0.4 - 1.5), 0.01)]
-    result = run(tmp_path, messages)
+                     at(k / 10 + 0.04, box(k + 0.4 - 1.5), 0.01),
+                     at(k / 10 + 0.04, [], 0.01)]
+    result = run(tmp_path, messages, MARKS)
     assert result.contacts == []
     assert result.footprints[0].least.separation == pytest.approx(0.5, abs=1e-5)
     values = [value for _, value in result.footprints[0].separation if value is not None]
     assert len(values) >= 18 and values == pytest.approx([0.5] * len(values), abs=1e-5)
 
 
-@pytest.mark.parametrize('parameters, stamp', [
-    ({f'{SOURCE}.timeout': 0.0}, START), ({f'{SOURCE}.timeout': 0.0}, 0),
-    ({f'{SOURCE}.timeout': 60.0}, START), ({f'{SOURCE}.accumulate': True,
-                                            f'{SOURCE}.timeout': 60.0}, START)],
-    ids=['latched', 'latched without stamp', 'once', 'accumulated'])
-def test_obstacle_sent_once_is_at_rest(tmp_path, parameters, stamp):
+@pytest.mark.parametrize('timeout, set_end, stamp', [
+    (0.0, MARKS, START), (0.0, MARKS, 0), (60.0, EACH, START), (60.0, EACH, 0),
+    (60.0, STAMPS, START), (60.0, None, START), (60.0, None, 0)])
+def test_obstacle_sent_once_is_at_rest(tmp_path, timeout, set_end, stamp):
     """The robot drives through a thin wall 30 s later, between two messages."""
     wall = serialised([(301.6, -1), (301.61, -1), (301.61, 2), (301.6, 2)], stamp)
     messages = [('/obstacles', 0.0, wall), *samples(range(330), size=0.5)]
-    result = run(tmp_path, messages, parameters=parameters)
+    result = run(tmp_path, messages, set_end, parameters={f'{SOURCE}.timeout': timeout})
     contact, = result.contacts
     assert contact.found == BETWEEN_SAMPLES
     assert since(result, *contact.between) == [30.1, 30.2]
@@ -230,15 +241,28 @@ def passing(path, obstacles, parameters, **bag):
     robot = [('/footprint', k / 10, box(k / 10)) for k in range(101)]
     messages = sorted([*obstacles, *robot], key=lambda message: message[1])
     result = check(write(path / 'bag', messages, **bag), Options(parameters={
-        f'{SOURCE}.{name}': value for name, value in parameters.items()}))
+        f'{SOURCE}.{name}': value for name, value in parameters.items()}), MARKS)
     return [(contact.obstacle, *since(result, contact.first)) for contact in result.contacts]
 
 
-@pytest.mark.parametrize('end', [[], [('/obstacles', 0.6, [])]], ids=['settles', 'ends'])
-def test_walls_of_a_map_have_stamps_of_their_own(tmp_path, end):
+def test_walls_of_a_map_have_stamps_of_their_own(tmp_path):
     walls = [('/obstacles', k / 5, box(3.0 * (k + 1))) for k in range(3)]
-    assert passing(tmp_path, walls + end, {'timeout': 0.0}, latched=['/obstacles']) == [
-        ('obstacle/-1', 2.0), ('obstacle/-2', 5.0), ('obstacle/-3', 8.0)]
+    walls.append(('/obstacles', 0.6, []))
+    assert passing(tmp_path, walls, {'timeout': 0.0}, latched=['/obstacles']) == [
+        ('obstacle/0', 2.0), ('obstacle/1', 5.0), ('obstacle/2', 8.0)]
+
+
+@pytest.mark.parametrize('set_end, moments', [(MARKS, []), (STAMPS, []), (None, [2.5, 3.0])])
+def test_obstacle_stands_for_a_timeout_where_nothing_ends_a_set(tmp_path, set_end, moments):
+    """It is gone after 1 s, and its place is touched at 2.5 s, at 3 s and at 3.5 s."""
+    messages = [message for k in range(60) for message in (
+        ('/footprint', k / 10, box(2.5 if k in (25, 30, 35) else 0.0)),
+        ('/obstacles', k / 10, box(9.0)), *([('/obstacles', k / 10, box(2.5))] if k < 11 else []),
+        ('/obstacles', k / 10, []))]
+    result = run(tmp_path, messages, set_end)
+    assert since(result, *(one.deepest for one in result.contacts)) == moments
+    assert all(source.known_by == {None: 'timeout', MARKS: 'empty polygon',
+                                   STAMPS: 'new stamp'}[set_end] for source in result.sources[1:])
 
 
 @pytest.mark.parametrize('start, instance', [
@@ -259,20 +283,11 @@ def test_map_is_replaced_by_a_whole_one(tmp_path, start, instance, refused):
     assert [time for _, time in found] == ([0.5, 4.0, 7.0] if refused else [0.5, 7.0])
 
 
-def test_set_goes_on_after_its_empty_polygon(tmp_path):
-    """Messages of its stamp belong to it; the wall is touched between two sets."""
-    sets = [message for k in range(11) for message in (
-        ('/obstacles', k, box(4.25)), ('/obstacles', k, []), ('/obstacles', k, box(9)[:3]))]
-    robot = [('/footprint', k / 10, box(0.0, size=4.5 if k == 55 else 4.0)) for k in range(101)]
-    result = run(tmp_path, sets + robot)
-    assert [contact.obstacle for contact in result.contacts] == ['obstacle/0']
-
-
 def test_sets_of_one_message_are_matched(tmp_path):
-    """Another robot at 100 Hz: set_window does not make one set of three of its messages."""
+    """Another robot at 100 Hz."""
     other = [('/obstacles', k / 100, box(20.0 - k / 50)) for k in range(1001)]
     messages = samples([0.0] * 101) + other
-    result = run(tmp_path, messages, parameters={f'{SOURCE}.max_count': 1})
+    result = run(tmp_path, messages, EACH)
     assert [contact.obstacle for contact in result.contacts] == ['obstacle/0']
     assert result.sources[1].undetermined == 0
 
@@ -357,7 +372,7 @@ def test_times_count_from_the_beginning_of_the_recording(tmp_path, capsys, clock
     contact, = result.contacts
     assert result.since(result.start) == 5.0
     assert result.since(contact.deepest) == 6.0
-    main([str(bag), '--start', '5', '--clock', clock, *(['--as-live'] if as_live else [])])
+    main([str(bag), '--start', '5', '--clock', clock, *(['--as-live'] if as_live else [])], STAMPS)
     assert f'{SOURCE}/0 at 6.000 s' in capsys.readouterr().out
 
 
@@ -377,7 +392,7 @@ def test_ids_are_matched_when_they_cross(tmp_path):
         for name, x in ((7, k - 10), (8, 18 - k)):
             stamp = START + k * SECOND // 10 + name * 10**6
             messages.append(('/tracks', k / 10 + 0.009, serialised(box(x), stamp, instance=name)))
-    result = run(tmp_path, messages)
+    result = run(tmp_path, messages, None)
     found = {contact.obstacle: since(result, contact.first, contact.last)
              for contact in result.contacts}
     assert found == {'tracks/7': pytest.approx([0.907, 1.107], abs=1e-6),
@@ -391,8 +406,8 @@ def test_obstacle_at_rest_with_an_id_is_one_contact(tmp_path):
         time = k / 16
         messages += [at(time, box(1.5 * time), 0.01, '/footprint'),
                      ('/tracks', time + 0.02, serialised(
-                         box(6 + 1 / 64, 0.25, 0.25), START + round(time * SECOND), instance=0))]
-    contact, = run(tmp_path, messages).contacts
+                         box(6 + 1 / 64, 0.25, 0.25), START + round(time * SECOND), instance=1))]
+    contact, = run(tmp_path, messages, None).contacts
     assert [(time - START) / SECOND for time in (contact.first, contact.last)] == pytest.approx(
         [(5 + 1 / 64) / 1.5, (6 + 1 / 64 + 0.25) / 1.5], abs=1e-5)
 

@@ -20,9 +20,8 @@ pytest.importorskip('rosbags')
 
 from moving_scenes import FIXED, MovingScene, OUTLINE, WINDOW, WINDOWS  # noqa: E402, I100
 import oracle  # noqa: E402
-from recordings import INSTANCE, START, write  # noqa: E402
+from recordings import check, INSTANCE, START, write  # noqa: E402
 from sat_collision.replay.model.result import Options  # noqa: E402
-from sat_collision.replay.run import check  # noqa: E402
 
 TF = 'tf2_msgs/msg/TFMessage'
 TYPES = {'/tf': TF, '/tf_static': TF, '/obstacles': INSTANCE}
@@ -31,7 +30,7 @@ PARAMETERS = {
     'obstacles': ['seen'], 'robot.topic': '/footprint', 'robot.timeout': 0.0, 'cart.timeout': 0.0,
     'cart.frame_id': 'base', 'cart.rate': 1000.0, 'cart.points': [
         number for corner in OUTLINE for number in (corner.real, corner.imag)],
-    'seen.topic': '/obstacles', 'seen.type': 'polygon_instance', 'seen.timeout': 0.0}
+    'seen.topic': '/obstacles', 'seen.type': 'polygon_instance', 'seen.timeout': 60.0}
 
 
 def touching(result, time):

@@ -25,10 +25,9 @@ from builders import SECOND, serialised
 import numpy as np
 from published import DATA
 import pytest
-from recordings import box, INSTANCE, nanoseconds, SOURCE, write
-from sat_collision.replay.command import main
+from recordings import (
+    box, check, declared, INSTANCE, main, nanoseconds, SOURCE, STAMPS, write)
 from sat_collision.replay.model.result import Options, Verdict
-from sat_collision.replay.run import check
 import shapely
 from shapely.affinity import affine_transform
 
@@ -108,7 +107,8 @@ def test_times_on_arcs_are_never_late(tmp_path, seed):
         messages += [('/footprint', k / 10, [*placed(k / 10).exterior.coords][:-1]),
                      ('/walls', k / 10, [*wall.exterior.coords][:-1])]
     result = check(write(tmp_path / 'bag', messages),
-                   Options(footprints=('/footprint',), obstacles=('/walls',), min_ttc=0.0))
+                   Options(footprints=('/footprint',), obstacles=('/walls',), min_ttc=0.0,
+                           parameters=declared(STAMPS, 'walls')))
     touched = next(time for time in np.arange(0, 3.5, 1e-3) if placed(time).intersects(wall))
     samples = since(result, result.footprints[0].time_to_collision)
     found = {k: value for k, value in samples.items() if value is not None}
@@ -125,13 +125,13 @@ def test_scenes_of_nuplan(tmp_path, scene):
 
     messages = []
     for k in range(5):
-        for number, (track, velocity, _, _) in enumerate(scene['tracks']):
+        for number, (track, velocity, _, _) in enumerate(scene['tracks'], 1):
             messages.append(('/tracks', k / 10, serialised(
                 at(track, velocity, k - 3), nanoseconds(k / 10), instance=number)))
         messages.append(('/ego', k / 10, at(scene['ego'], scene['ego_velocity'], k - 3)))
     result = check(write(tmp_path / 'bag', messages, types={'/tracks': INSTANCE}), Options(
         footprints=('/ego',), obstacles=('tracks:=/tracks',), min_ttc=scene['horizon'],
-        parameters={'tracks.timeout': 0.2}))
+        parameters={'tracks.timeout': 0.2, 'future_tolerance': 0.05}))
     samples = since(result, result.footprints[0].time_to_collision)
     first = min((exact for *_, exact in scene['tracks'] if exact is not None), default=None)
     assert samples[3] == (first if first is None else pytest.approx(first, abs=1e-4))

@@ -24,13 +24,11 @@ import tempfile
 import textwrap
 
 import pytest
-from recordings import box, drive, published, SOURCE, START, write
+from recordings import box, check, drive, main, published, SOURCE, START, write
 from rosbags.highlevel import AnyReader
-from sat_collision.replay.command import main
 from sat_collision.replay.model.configuration import parameters_of_file
 from sat_collision.replay.model.result import Options
 from sat_collision.replay.output.bag import write_example
-from sat_collision.replay.run import check
 
 pytest.importorskip('matplotlib')
 

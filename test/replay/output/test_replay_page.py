@@ -20,8 +20,7 @@ import time
 
 import numpy as np
 import pytest
-from recordings import box, drive, write
-from sat_collision.replay.command import main
+from recordings import box, drive, main, write
 from sat_collision.replay.model.keyframes import Keyframes
 from sat_collision.replay.model.result import Contact, FootprintResult, Result, Unknown
 from sat_collision.replay.output.bag import write_example

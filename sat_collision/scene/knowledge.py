@@ -78,7 +78,7 @@ class Knowledge:
         self._store = store
         self.is_known = False  # whether all that the publisher sees is known
         self.since = 'yet'  # when it began, as the end of a sentence
-        # Number of the listing that the last message joined, and of the last whole one; 0 for none.
+        # Numbers of the listing that the last message joined and of the last whole one; 0: none.
         self.joined = self.last_whole = 0
         self.wants_history = False  # whether a new subscription is needed for older messages
         self.newest = -NEVER  # the newest stamp

@@ -24,7 +24,7 @@ import sys
 from xml.etree import ElementTree
 
 import pytest
-from recordings import box, check, drive, main, write
+from recordings import box, check, DECLARED, drive, main, write
 from sat_collision.replay import command
 
 CLEAR = drive(2.0, contact=(0, 0))
@@ -234,7 +234,7 @@ def test_topic_taken_for_a_recording_is_reported(bags, capsys):
 def test_missing_topic_is_reported_with_unused_topics(bags, tmp_path, capsys):
     bag = write(tmp_path / 'bag', [(topic, k / 10, box(0)) for k in range(20)
                                    for topic in ('/footprint', '/people')])
-    main([str(bag), '--obstacles', '/persons'])
+    main([str(bag), '--obstacles', '/persons'], None)
     line, = (line for line in capsys.readouterr().out.splitlines() if 'no topic' in line)
     assert '/persons; it has /people (polygon)' in line and '/footprint' not in line
 
@@ -280,7 +280,7 @@ def test_paths_that_are_no_text(bags, tmp_path, name, encoding):
     outputs = [tmp_path / f'a.{kind}' for kind in ('json', 'csv', 'junit', 'html')]
     options = [f'--{one}={path}' for one, path in zip(('json', 'csv', 'junit', 'plot'), outputs)]
     done = subprocess.run(
-        [sys.executable, '-m', 'sat_collision.replay', tmp_path / name, *options],
+        [sys.executable, '-m', 'sat_collision.replay', tmp_path / name, DECLARED, *options],
         capture_output=True, env={**os.environ, 'PYTHONIOENCODING': f'{encoding}:strict'})
     assert (done.returncode, done.stderr) == (0, b'')
     assert b'CLEAR' in done.stdout and b'problem' not in done.stdout

@@ -21,7 +21,7 @@ import subprocess
 import sys
 
 import pytest
-from recordings import box, drive, write
+from recordings import box, DECLARED, drive, SOURCE, STAMPS, write
 from sat_collision.geometry.jit import COMPILED
 from sat_collision.replay import kernels
 from sat_collision.replay.bag.storage import Limits
@@ -62,7 +62,7 @@ def long_recording(path, count=None):
 def test_prepared_kernels_are_all_that_commands_need(start, tmp_path):
     """After preparation neither replay nor the library compiles anything."""
     small = str(write(tmp_path / 'small', drive(1.0)))
-    result = start('-m', 'sat_collision.replay', small)
+    result = start('-m', 'sat_collision.replay', small, DECLARED)
     assert (result.returncode, result.stderr, compiled(tmp_path)) == (0, '', set()), (
         'a check of few messages is done before kernels would be compiled')
     result = start('-m', 'sat_collision.replay.kernels')
@@ -74,7 +74,8 @@ def test_prepared_kernels_are_all_that_commands_need(start, tmp_path):
     assert any(name.startswith('nearness.nearest_in_steps') for name in prepared), (
         'of sets taken together')
     for arguments in (('-m', 'sat_collision.replay', small),
-                      ('-m', 'sat_collision.replay', long_recording(tmp_path / 'long')),
+                      ('-m', 'sat_collision.replay', long_recording(tmp_path / 'long'),
+                       f'--param={SOURCE}.set_end:={STAMPS}'),
                       ('-m', 'sat_collision.replay', '--as-live', small),
                       ('-c', INTERSECTS)):
         assert start(*arguments).stderr == ''

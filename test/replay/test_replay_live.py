@@ -19,7 +19,7 @@ import time
 
 from harness import to_ns
 import pytest
-from recordings import by_stamp, check, NAMES, published
+from recordings import by_stamp, check, declared, NAMES, published, STAMPS
 from rosbags.highlevel import AnyReader
 from sat_collision.replay.model.result import Options
 
@@ -62,7 +62,7 @@ def test_live_node_and_replay_publish_the_same(start, tmp_path, name):
     its publisher's first.
     """
     bag = published(name, STORAGES[NAMES.index(name) % 2])
-    monitor = start(use_sim_time=True, publish_rate=50.0)
+    monitor = start(use_sim_time=True, publish_rate=50.0, obstacle__set_end=STAMPS)
     received = monitor.listen('~/state', 10_000)
     flags = monitor.listen('~/collision', 10_000)
     sent = 0
@@ -79,7 +79,7 @@ def test_live_node_and_replay_publish_the_same(start, tmp_path, name):
         wait(lambda: monitor.monitor._scene.deadline > stamp + SECOND // 16)
     monitor.until(lambda: received and to_ns(received[-1].header.stamp) > stamp, 'the last state')
     check(bag, Options(clock='header', as_live=True, write_bag=str(tmp_path / 'out'),
-                       parameters={'publish_rate': 50.0}))
+                       parameters={'publish_rate': 50.0, **declared(STAMPS)}))
     states, raised = [], []
     with AnyReader([tmp_path / 'out']) as reader:
         for connection, _, data in reader.messages():

@@ -21,9 +21,11 @@ from pathlib import Path
 import signal
 
 import pytest
-from recordings import check, drive, main, NAMES, published, write
+from recordings import check, declared, drive, main, MARKS, NAMES, published, STAMPS, write
 from sat_collision.replay import command
 from sat_collision.replay.model.result import Options, Verdict
+
+OPTIONS = Options(parameters=declared(MARKS))
 
 
 @pytest.fixture
@@ -66,8 +68,8 @@ def cluster():
 
 
 def test_jobs_give_the_same_results(bags):
-    alone = [command.check_one(bag, Options()) for bag in bags]
-    assert summed(command.check_here(bags, Options(), 2)) == summed(alone)
+    alone = [command.check_one(bag, OPTIONS) for bag in bags]
+    assert summed(command.check_here(bags, OPTIONS, 2)) == summed(alone)
     assert [result.verdict for result in alone] == [Verdict.CLEAR, Verdict.COLLISION] * 2
 
 
@@ -84,7 +86,7 @@ def test_lost_process_is_retried(bags, tmp_path, monkeypatch, fault):
     """No result is lost or doubled."""
     monkeypatch.setattr(command, 'check_one', functools.partial(
         faulty, marks=str(tmp_path), fault=fault))
-    results = list(command.check_here(bags, Options(), 2))
+    results = list(command.check_here(bags, OPTIONS, 2))
     assert sorted(result.bag for result in results) == bags
     assert all(not result.problems for result in results)
 
@@ -93,22 +95,22 @@ def test_recording_that_kills_every_process(bags, tmp_path, monkeypatch):
     """It is bad input after three attempts; all others are checked."""
     monkeypatch.setattr(command, 'check_one', functools.partial(
         faulty, marks=str(tmp_path), fault=dies, forever=True))
-    results = {result.bag: result for result in command.check_here(bags, Options(), 2)}
+    results = {result.bag: result for result in command.check_here(bags, OPTIONS, 2)}
     assert sorted(results) == bags
     assert [bag for bag in bags if results[bag].problems] == [bags[3]]
     assert '3 attempts' in results[bags[3]].problems[0]
 
 
 def test_cluster_gives_the_same_results(bags, cluster):
-    alone = [command.check_one(bag, Options()) for bag in bags]
-    assert summed(command.check_on_cluster(bags, Options(), cluster)) == summed(alone)
+    alone = [command.check_one(bag, OPTIONS) for bag in bags]
+    assert summed(command.check_on_cluster(bags, OPTIONS, cluster)) == summed(alone)
 
 
 @pytest.mark.parametrize('fault', (dies, fails))
 def test_lost_worker_is_retried(bags, tmp_path, monkeypatch, cluster, fault):
     monkeypatch.setattr(command, 'check_one', functools.partial(
         faulty, marks=str(tmp_path), fault=fault))
-    results = list(command.check_on_cluster(bags, Options(), cluster))
+    results = list(command.check_on_cluster(bags, OPTIONS, cluster))
     assert sorted(result.bag for result in results) == bags
     assert all(not result.problems for result in results)
 
@@ -118,7 +120,7 @@ def test_command_on_jobs_and_cluster(cluster, capsys):
     recordings = [str(published(name)) for name in NAMES]
     outs = []
     for arguments in ([], ['--jobs', '2'], ['--dask', cluster]):
-        assert main([*recordings, *arguments]) == 1
+        assert main([*recordings, *arguments], STAMPS) == 1
         outs.append(capsys.readouterr().out)
     assert outs[0] == outs[1] == outs[2]
     assert '8 contacts' in outs[0]

@@ -20,7 +20,7 @@ import struct
 
 from builders import command, SECOND, serialised, transforms
 import pytest
-from recordings import box, check, INSTANCE, nanoseconds, SOURCE, write
+from recordings import box, check, declared, INSTANCE, MARKS, nanoseconds, SOURCE, write
 from sat_collision.messages.interfaces import deserialize, DiagnosticArray, Float64
 from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.model.result import Limits, Options
@@ -47,7 +47,7 @@ STAMPED = 'geometry_msgs/msg/TwistStamped'
 TWIST = 'geometry_msgs/msg/Twist'
 PARAMETERS = {'frame_id': 'odom', 'footprint.points': [-0.5, -0.5, 0.5, -0.5, 0.5, 0.5, -0.5, 0.5],
               'footprint.frame_id': 'base', 'footprint.cmd_vel': 'cmd_vel',
-              'footprint.timeout': 0.5}
+              'footprint.timeout': 0.5, **declared(MARKS)}
 # The wall is 5 m to the left of the robot, which is rotated and does not move.
 YAW = 0.75
 WALL = [(-9.0, 5.5), (9.0, 5.5), (9.0, 6.5), (-9.0, 6.5)]
@@ -199,7 +199,8 @@ def approaching(ticks=20, changed=None):
 def replay(path, messages, moving=True, **options):
     result = check(write(path, messages, types={'/people': INSTANCE}), Options(
         footprints=('/footprint',), obstacles=('people:=/people',),
-        parameters={'people.moving': moving, 'people.timeout': 0.5, 'horizon': 20.0}, **options))
+        parameters={'people.moving': moving, 'people.timeout': 0.3, 'future_tolerance': 0.05,
+                    'horizon': 20.0}, **options))
     assert not result.problems and not result.contacts
     return result
 

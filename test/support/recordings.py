@@ -33,9 +33,10 @@ from rosbags.rosbag2 import (  # noqa: E402
     CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer)
 from sat_collision.messages.cdr import decode  # noqa: E402
 from sat_collision.messages.rosbags_interfaces import STORE  # noqa: E402
-from sat_collision.replay import command, run  # noqa: E402
+from sat_collision.replay import command  # noqa: E402
 from sat_collision.replay.model.configuration import settings_of  # noqa: E402
 from sat_collision.replay.model.result import Options  # noqa: E402
+from sat_collision.replay.run import check as check_as_given  # noqa: E402
 
 NAMES = ('autoware_ego_trajectory_boxes', 'commonroad_USA_Lanker-1_1_ego1247',
          'tysik_front_scan_polygons')
@@ -50,6 +51,8 @@ LATCHED = Qos(QosHistory.KEEP_LAST, 10, QosReliability.RELIABLE, QosDurability.T
 SOURCE = settings_of({}).obstacles[0].name
 MARKS, STAMPS, EACH = 'empty_polygon', 'new_stamp', 'each_message'
 
+DECLARED = f'--param={SOURCE}.set_end:={MARKS}'
+
 
 def declared(set_end, *names):
     """Return parameters that declare what ends the sets of some sources, the default one."""
@@ -60,7 +63,7 @@ def check(path, options=Options(), progress=None, set_end=MARKS):
     """Check a recording whose default source, if it has that, ends its sets so; None for none."""
     if set_end and not options.obstacles and 'obstacles' not in options.parameters:
         options = replace(options, parameters={**declared(set_end), **options.parameters})
-    return run.check(path, options, progress)
+    return check_as_given(path, options, progress)
 
 
 def main(arguments, set_end=MARKS):

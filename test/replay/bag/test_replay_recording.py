@@ -24,7 +24,7 @@ from types import ModuleType, SimpleNamespace
 import zlib
 
 import pytest
-from recordings import box, check, drive, main, POLYGON, run_without, write
+from recordings import box, check, DECLARED, drive, main, POLYGON, run_without, write
 from rosbags.highlevel import AnyReader
 from sat_collision.replay.bag import storage as storages
 from sat_collision.replay.model.result import Options, Verdict
@@ -243,7 +243,7 @@ def test_plain_recordings_need_no_library(tmp_path, names):
     """The results are the same, with and without ROS."""
     bags = [str(write(tmp_path / storage, TOUCHING, storage)) for storage in ('mcap', 'sqlite3')]
     assert main([*bags, '--json', str(tmp_path / 'a.json')]) == 1
-    result = run_without(names, *bags, '--json', str(tmp_path / 'b.json'))
+    result = run_without(names, *bags, DECLARED, '--json', str(tmp_path / 'b.json'))
     assert (result.returncode, result.stderr) == (1, '')
     assert results_of(tmp_path / 'a.json') == results_of(tmp_path / 'b.json')
 

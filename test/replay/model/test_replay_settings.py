@@ -45,7 +45,7 @@ FILES = {
                    f'{NODE}:\n  ros__parameters:\n    release_delay: 3.0\n'),
     'sources': ('/**:\n  ros__parameters:\n    footprints: [a, b]\n    obstacles: [c]\n'
                 '    c.type: polygon_instance\n    c.topic: ~/seen\n    b.topic: /b\n'
-                '    c.accumulate: yes\n    c.max_count: 7\n    frame_id: "odom"\n'),
+                '    c.moving: yes\n    c.max_count: 7\n    frame_id: "odom"\n'),
     'outline': ('/**:\n  ros__parameters:\n    frame_id: odom\n    footprint.radius: 0.5\n'
                 '    footprint.frame_id: base\n    footprint.odometry: wheels\n'),
     'points': ('/**:\n  ros__parameters:\n    frame_id: odom\n    footprint.frame_id: base\n'

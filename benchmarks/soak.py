@@ -15,7 +15,8 @@
 """
 The node under load for a long time: 4,000 obstacles a second, and contacts at known times.
 
-A robot is in turns on an obstacle and far from all, for 0.6 s each. Every contact must be reported
+The obstacles come in all forms: sets with marks, without, with new stamps, with ids, and a map. A
+robot is in turns on an obstacle and far from all, for 0.6 s each. Every contact must be reported
 before it is over, and no flag may say clear after that. If the middleware loses messages the state
 must be unknown, which raises the flag. While it is far the robot drives towards a walking person,
 so times to collision must be those until they meet, and none may be given while unknown.
@@ -40,7 +41,7 @@ from matplotlib import pyplot
 from node import cpu_time, ros, running
 import numpy as np
 from page_parts import replace_part
-from traffic import FOOTPRINT_RATE, Reader, regular, ROBOT, SET_RATE, tail, Traffic
+from traffic import FOOTPRINT_RATE, Form, Reader, regular, ROBOT, SET_RATE, tail, Traffic
 
 _WHEN = operator.itemgetter(0)
 _SLICE = 10.0
@@ -56,7 +57,15 @@ _TRANSPORT = 0.1
 _WALKER_RADIUS = 0.3
 # In s; stays end before contact is so near, except where footprints pause.
 _THRESHOLD = 1.0
-_PARAMETERS = {'obstacles': '[obstacle, walker]', 'obstacle.topic': 'obstacles',
+# What comes of a map is not counted: its subscription is made anew when its publisher changes.
+_FORMS = (Form('obstacle', 'obstacles'), Form('unmarked', 'unmarked', has_marks=False),
+          Form('stamped', 'stamped', has_marks=False), Form('tracked', 'tracked', False, True),
+          Form('mapped', 'mapped', is_counted=False))
+_PARAMETERS = {'obstacles': f'[{", ".join(form.source for form in _FORMS)}, walker]',
+               'obstacle.topic': 'obstacles', 'stamped.set_end': 'new_stamp',
+               'unmarked.timeout': 0.5, 'tracked.timeout': 0.5, 'future_tolerance': 0.5,
+               'tracked.type': 'polygon_instance',
+               'mapped.timeout': 0.0, 'mapped.set_end': 'empty_polygon',
                'walker.type': 'polygon_instance', 'walker.moving': 'true',
                'footprint.min_time_to_collision': _THRESHOLD}
 
@@ -169,12 +178,13 @@ def soak(minutes, obstacles):
     """
     Run sets of obstacles at 10 Hz, and a robot that comes and goes, against a node's process.
 
-    The publisher of the obstacles is replaced by another one every ten seconds. Returns readings,
-    the verdicts on flags and on times, and how many obstacle messages were sent and lost.
+    Every ten seconds the robot meets an obstacle of the next form, whose publisher is replaced by
+    another one: until that is known the flag is raised. Returns readings, the verdicts on flags
+    and on times, and how many obstacle messages were sent and lost.
     """
     readings = []
-    with running('monitor', _PARAMETERS) as pid, contextlib.closing(Reader()) as reader, \
-            contextlib.closing(Traffic(obstacles, 4, timed=True)) as traffic:
+    with running('monitor', _PARAMETERS) as pid, contextlib.closing(Reader(_FORMS)) as reader, \
+            contextlib.closing(Traffic(obstacles, 4, True, _FORMS)) as traffic:
         drive = Drive(traffic.node)
         traffic.footprint_at = drive.footprint_at
         traffic.connect()

@@ -18,9 +18,10 @@ import collections
 import itertools
 import struct
 import time
+from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PolygonStamped
+from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
 import numpy as np
 import rclpy
 from rclpy.qos import QoSProfile
@@ -39,15 +40,32 @@ _TIMEOUT = 60.0
 RECEIVED = 'obstacle: received'
 
 
+class Form(NamedTuple):
+    """How the obstacles of a source are sent: in sets, one polygon a message."""
+
+    source: str
+    topic: str
+    has_marks: bool = True  # whether an empty polygon ends each set
+    has_ids: bool = False
+    is_counted: bool = True  # whether a node receives each message once
+
+
+_MARKED = Form('obstacle', 'obstacles')
+
+
 def _head(stamp):
     """Return the beginning of a PolygonStamped, with the stamp, in ns."""
     return struct.pack('<4sII', b'\0\1\0\0', *divmod(stamp, 10**9))
 
 
-def tail(points):
-    """Return the rest of a PolygonStamped after the stamp, for (n, 2) points."""
+def tail(points, instance=None):
+    """Return the rest of a PolygonStamped after the stamp, or of one with an id."""
     spatial = np.pad(points, ((0, 0), (0, 1))).astype(np.float32)
-    return struct.pack('<I4sI', 4, _FRAME.encode() + b'\0', len(points)) + spatial.tobytes()
+    body = struct.pack('<I4sI', 4, _FRAME.encode() + b'\0', len(points)) + spatial.tobytes()
+    if instance is None:
+        return body
+    # Alignment counts from the stamp, which has 8 bytes.
+    return body + bytes(-len(body) % 8) + struct.pack('<q', instance)
 
 
 def regular(count, x, y, radius):
@@ -69,31 +87,42 @@ class Traffic:
     """
     A node that sends footprints and obstacles and awaits the flag.
 
-    The robot is in turns on the first obstacle, which stays about the origin, and far from all;
-    the others are scattered around, elsewhere in each set. An empty polygon ends each set.
+    The obstacles are shared out among `forms`. The robot is in turns on an obstacle about the
+    origin, of one form at a time, and far from all; the others are scattered around, elsewhere in
+    each set.
     `footprint_at` takes a stamp in ns and returns the rest of the message after it, whether the
     footprint is on an obstacle, and whether a stay there, or far from all, begins. By the
     monotonic clock, `changes` has when stays began, `received` when flags came, and `times`, if it
     is `timed`, when the node published times to collision.
     """
 
-    def __init__(self, obstacles, vertices, timed=False):
+    def __init__(self, obstacles, vertices, timed=False, forms=(_MARKED,)):
         rng = np.random.default_rng(1)
-        centres = rng.uniform(-100.0, 100.0, (obstacles, 2))
-        centres[0] = 0.0
-        self._per_set = obstacles + 1
-        self._sets = []
-        for _ in range(_VARIANTS):
+        self._forms = forms
+        # The form whose obstacle the robot meets.
+        self._met = 0
+        # By variant and by form that is met: the form and the rest of each message of a set.
+        self._sets = [[[] for _ in forms] for _ in range(_VARIANTS)]
+        centres = rng.uniform(-100.0, 100.0, (obstacles // len(forms), 2))
+        # None is near the robot but the first one.
+        centres[:, 0] += np.copysign(5.0, centres[:, 0])
+        for variant in self._sets:
             moved = centres + rng.uniform(-0.1, 0.1, centres.shape)
-            outlines = [regular(vertices, x, y, 0.5) for x, y in moved]
-            self._sets.append([tail(outline) for outline in (*outlines, np.empty((0, 2)))])
+            for met, messages in enumerate(variant):
+                for form in forms:
+                    moved[0] = 0.0 if form is forms[met] else (-500.0, 0.0)
+                    outlines = [regular(vertices, x, y, 0.5) for x, y in moved]
+                    outlines += [np.empty((0, 2))] * form.has_marks
+                    messages += [(form, tail(outline, k if form.has_ids else None))
+                                 for k, outline in enumerate(outlines, 1)]
+        self._per_set = len(self._sets[0][0])
         footprints = itertools.cycle((tail(np.add(ROBOT, (x, 0.0))), hit, True)
                                      for x, hit in ((0.0, True), (1000.0, False)))
         self.footprint_at = lambda stamp: next(footprints)
         self.changes, self.received, self.times = [], [], []
         self.node = rclpy.create_node('traffic')
         self._footprint = self.node.create_publisher(PolygonStamped, 'footprint', 10)
-        self._obstacle = self._new_publisher()
+        self._obstacles = {form: self._new_publisher(form) for form in forms}
         self._flags = self.node.create_subscription(
             Bool, '/footprint_monitor/collision', lambda flag: None, 100)
         self._times = timed and self.node.create_subscription(
@@ -102,39 +131,43 @@ class Traffic:
     def close(self):
         self.node.destroy_node()
 
-    def _new_publisher(self):
-        return self.node.create_publisher(PolygonStamped, 'obstacles', QoSProfile(depth=1000))
+    def _new_publisher(self, form):
+        kind = PolygonInstanceStamped if form.has_ids else PolygonStamped
+        return self.node.create_publisher(kind, form.topic, QoSProfile(depth=1000))
 
     def restart(self):
-        """Replace the publisher of obstacles by another one."""
-        self.node.destroy_publisher(self._obstacle)
-        self._obstacle = self._new_publisher()
-        until(self._obstacle.get_subscription_count)
+        """Let the robot meet an obstacle of the next form, whose publisher is replaced."""
+        self._met = (self._met + 1) % len(self._forms)
+        form = self._forms[self._met]
+        self.node.destroy_publisher(self._obstacles[form])
+        self._obstacles[form] = self._new_publisher(form)
+        until(self._obstacles[form].get_subscription_count)
 
     def connect(self, nodes=1):
         """Wait until traffic and a number of nodes see each other and a footprint is answered."""
         def is_answered():
             stamp = time.time_ns()
-            for obstacle in self._sets[0]:
-                self._obstacle.publish(_head(stamp) + obstacle)
+            for form, obstacle in self._sets[0][self._met]:
+                self._obstacles[form].publish(_head(stamp) + obstacle)
             body, hit, _ = self.footprint_at(stamp)
             self._footprint.publish(_head(stamp) + body)
             time.sleep(0.2)
             flags = [flag for _, flag in _published(self._flags, Bool)]
             return hit in flags and all(publisher.get_subscription_count() >= nodes
-                                        for publisher in (self._obstacle, self._footprint))
+                                        for publisher in (*self._obstacles.values(),
+                                                          self._footprint))
         until(is_answered)
 
     def run(self, seconds, burst=False, rate=SET_RATE):
         """
         Send footprints and `rate` sets of obstacles a second, which are spread or come in a burst.
 
-        Return how many footprints and obstacles were sent, and the seconds from before the
+        Return how many footprints and counted obstacles were sent, and the seconds from before the
         publish() of each footprint that changes the flag to the flag's arrival.
         """
         latencies = []
         unanswered = collections.deque()
-        footprints = obstacles = 0
+        footprints = obstacles = counted = 0
         if self._times:
             # Discard those of the pause since the last run.
             _published(self._times, Float64)
@@ -159,11 +192,13 @@ class Traffic:
                 number, k = divmod(obstacles, self._per_set)
                 if k == 0:
                     head = _head(time.time_ns())
-                self._obstacle.publish(head + self._sets[number % _VARIANTS][k])
+                form, obstacle = self._sets[number % _VARIANTS][self._met][k]
+                self._obstacles[form].publish(head + obstacle)
                 obstacles += 1
+                counted += form.is_counted
             else:
                 time.sleep(_PAUSE)
-        return footprints, obstacles, latencies
+        return footprints, counted, latencies
 
     def send(self, seconds):
         """Send as `run` does; return how many messages."""
@@ -191,16 +226,17 @@ def _answer(unanswered, flag, now):
 
 
 class Reader:
-    """Reads on /diagnostics how many obstacles the node under test has received."""
+    """Reads on /diagnostics how many counted obstacles the node under test has received."""
 
-    def __init__(self):
+    def __init__(self, forms=(_MARKED,)):
+        self._entries = [f'{form.source}: received' for form in forms if form.is_counted]
         self._node = rclpy.create_node('counts')
         self._node.create_subscription(DiagnosticArray, '/diagnostics', self._receive, 10)
         self._counts = []
 
     def _receive(self, message):
         values = {value.key: value.value for value in message.status[0].values}
-        self._counts.append(int(values.get(RECEIVED, 0)))
+        self._counts.append(sum(int(values.get(entry, 0)) for entry in self._entries))
 
     def steady(self):
         """Return the count once two new reports agree, so that all messages are processed."""

@@ -30,8 +30,9 @@ from sat_collision.messages.markers import Markers, MAX_CONTACTS
 from sat_collision.messages.states import States
 from sat_collision.scene.footprints import State, Status
 from sat_collision.scene.prediction import Prediction
-from sat_collision.scene.scene import Nearest, Scene
+from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import Settings
+from sat_collision.scene.view import Nearest
 
 _FLAGS = {raised: serialize(Bool(data=raised)) for raised in (False, True)}
 _UNKNOWN = serialize(Float64(data=math.nan))

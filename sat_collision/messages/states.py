@@ -26,9 +26,10 @@ from sat_collision.scene.footprints import State, Status
 from sat_collision.scene.frames import in_words as name_in_words
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.prediction import Prediction
-from sat_collision.scene.scene import Nearest, Scene
+from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import Settings
 from sat_collision.scene.velocity import Velocity
+from sat_collision.scene.view import Nearest
 
 _LEVELS = {
     Status.CLEAR: DiagnosticStatus.OK,

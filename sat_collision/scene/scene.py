@@ -16,26 +16,23 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sequence, Set
+from collections.abc import Callable, Sequence
 from itertools import chain
 import math
-from typing import Any, TypeAlias
+from typing import Any
 
-from sat_collision.geometry.polygon import PackedBody, Polygon
-from sat_collision.geometry.polygon_set import Point
+from sat_collision.geometry.polygon import PackedBody
 from sat_collision.geometry.run import Run
 from sat_collision.scene.contacts import Contacts, NoContacts
-from sat_collision.scene.footprints import Evaluation, Footprint, Origin, State, Status
+from sat_collision.scene.footprints import Evaluation, Footprint, Origin, Status
 from sat_collision.scene.frames import in_quotes
 from sat_collision.scene.obstacle_store import OTHER_FRAME, Shape
-from sat_collision.scene.obstacles import ObstacleId
-from sat_collision.scene.prediction import predict, Prediction, velocity_of
-from sat_collision.scene.settings import (
-    BY_ANOTHER_CLOCK, EMPTY_POLYGON, FAR, FootprintSettings, NEVER, ObstacleSettings, Settings)
+from sat_collision.scene.prediction import predict
+from sat_collision.scene.settings import BY_ANOTHER_CLOCK, EMPTY_POLYGON, FAR, NEVER, Settings
 from sat_collision.scene.sources import Source
 from sat_collision.scene.streams import CONTINUES, Endpoint
 from sat_collision.scene.velocity import Command, Velocity, Vertices
+from sat_collision.scene.view import SceneView
 
 FROM_FUTURE = 'from the future'
 OVERTAKEN = 'older than the last'
@@ -53,11 +50,8 @@ _NOT_RECEIVED = 'has not been received yet'
 _CHANGED = 'has not been received since its publisher changed'
 _CLOCK_WAS_SET_BACK = 'has not been received since the clock was set'
 
-# An obstacle, its separation (m) from a footprint, and the closest points of the two.
-Nearest: TypeAlias = tuple[ObstacleId, float, Point, Point]
 
-
-class Scene:
+class Scene(SceneView):
     """
     Footprints and obstacles, and the state of each footprint.
 
@@ -219,21 +213,6 @@ class Scene:
             self._contacts.changed.add(footprint)
             self._evaluate()
 
-    def velocity(self, name: str) -> Velocity | str:
-        """Return the velocity of a footprint since its stamp, or why it is unknown."""
-        return velocity_of(self._footprints[name], self._now)
-
-    def prediction(self, name: str) -> Prediction | None:
-        """
-        Return when a footprint will be in contact, as of the last time passed.
-
-        None while its state or its velocity is unknown, and if nothing asks for predictions.
-        """
-        footprint = self._footprints[name]
-        horizon = max(self.settings.horizon, footprint.settings.min_time_to_collision)
-        return predict(footprint, self._contacts, self._sources.values(), self._now,
-                       horizon) if horizon else None
-
     def look_ahead(self) -> None:
         """Predict which footprints are in contact within their min_time_to_collision."""
         for name, threshold in self._looks_ahead.items():
@@ -352,11 +331,6 @@ class Scene:
                 self._contacts.changed.add(footprint)
             self._evaluate()
 
-    def lost(self) -> Counter[str]:
-        """Return the number of messages that were sent but not received, by name."""
-        receivers: Mapping[str, Footprint | Source] = {**self._footprints, **self._sources}
-        return +Counter({name: one.stream.lost for name, one in receivers.items()})
-
     def wants_history(self, name: str) -> bool:
         """Return whether a map is needed again from the start, by a new subscription."""
         source = self._sources.get(name)
@@ -465,69 +439,10 @@ class Scene:
              if footprint not in self._contacts.changed)), default=NEVER)
         self._reevaluate_all()
 
-    @property
-    def footprints(self) -> list[tuple[str, Polygon]]:
-        """The (name, Polygon) of every footprint that is placed, even if stale."""
-        return [(name, polygon) for name, footprint in self._footprints.items()
-                if (polygon := footprint.polygon) is not None]
-
-    @property
-    def obstacles(self) -> list[tuple[ObstacleId, Polygon]]:
-        """The (ObstacleId, Polygon) of every obstacle that is placed."""
-        return [(obstacle.name, polygon) for source in self._sources.values()
-                for obstacle in source.store if (polygon := obstacle.polygon) is not None]
-
-    def nearest_obstacles(self, limit: int) -> list[tuple[ObstacleId, Polygon]]:
-        """Return up to `limit` obstacles as `obstacles` does: those nearest to footprints."""
-        rows = self._contacts.nearest_rows(limit)
-        return [(obstacle.name, polygon) for source in self._sources.values()
-                for obstacle in source.store
-                if obstacle.row in rows and (polygon := obstacle.polygon) is not None]
-
-    @property
-    def source_summaries(self) -> list[tuple[str, str]]:
-        """What is known of each source, and how it would release obstacles sooner."""
-        return [(source.summary, source.advice) for source in self._sources.values()]
-
-    def known_by(self, name: str) -> tuple[str, str]:
-        """Return the rule by which a source is known, and how it would release sooner."""
-        return (self._sources[name].rule, self._sources[name].advice) if (
-            name in self._sources) else ('', '')
-
-    @property
-    def advice(self) -> dict[str, str]:
-        """How sources that are known would release obstacles sooner, by their names."""
-        return {name: source.advice for name, source in self._sources.items()
-                if source.advice and source.knowledge.is_known}
-
-    @property
-    def source_faults(self) -> tuple[str, ...]:
-        """Why sources of obstacles cannot be trusted, in sentences."""
-        return tuple(chain.from_iterable(source.faults for source in self._sources.values()))
-
     def use_middleware(self, name: str) -> None:
         """Name the middleware where it gives no sequence numbers."""
         for source in self._sources.values():
             source.middleware = name
-
-    @property
-    def source_names(self) -> Collection[str]:
-        """The names of the sources of obstacles."""
-        return self._sources
-
-    def settings_of(self, name: str) -> FootprintSettings | ObstacleSettings:
-        """Return the settings of a footprint or source by its name."""
-        source = self._sources.get(name)
-        return source.settings if source else self._footprints[name].settings
-
-    def footprint_timeout(self, source: str) -> float:
-        """Return the least timeout in s of the footprints that monitor a source; 0.0 for none."""
-        return min((one.timeout for one in self.settings.footprints
-                    if one.timeout and one.monitors(source)), default=0.0)
-
-    def unknown_reasons(self, name: str) -> tuple[str, ...]:
-        """Return why contacts of a footprint may be unknown, empty if all are known."""
-        return self._footprints[name].unknown_reasons
 
     def changes(self) -> list[str]:
         """Return the names of footprints whose state, except age, changed since the last call."""
@@ -555,72 +470,6 @@ class Scene:
                 if self._footprints[name].status is not Status.COLLISION
                 and (name not in self._reported
                      or self._reported[name][0] is not Status.COLLISION)]
-
-    def status(self, name: str) -> Status:
-        """Return the Status of a footprint."""
-        return self._footprints[name].status
-
-    def state(self, name: str) -> State:
-        """Return the State of a footprint at the last time passed."""
-        footprint = self._footprints[name]
-        age = None if footprint.time is None else max(self._now - footprint.time, 0) / 1e9
-        status, reasons = footprint.evaluation
-        return State(status, footprint.contacts_reported, reasons, age)
-
-    def origin(self, name: str) -> tuple[str, float | None]:
-        """
-        Return where the valid footprint came from: a frame, and the age of its transform in s.
-
-        The frame is that in which it was sent, '' if there is no valid footprint; the age is None
-        if it was not transformed, or by a static transform.
-        """
-        footprint = self._footprints[name]
-        if footprint.time is None:
-            return '', None
-        if footprint.origin is None:
-            return footprint.frame_id, None
-        frame_id, at = footprint.origin
-        return frame_id, None if at is None else (self._now - at) / 1e9
-
-    def contacts(self, name: str) -> list[tuple[ObstacleId, Polygon, Polygon]]:
-        """
-        Return (ObstacleId, Polygon of the footprint, Polygon of the obstacle) per contact.
-
-        They are sorted by name, and then by place: two sets may hold an obstacle of the same name.
-        """
-        footprint = self._footprints[name]
-        return sorted(((obstacle.name, own, other) for obstacle in footprint.contacts
-                       if (own := footprint.polygon) and (other := obstacle.polygon)),
-                      key=lambda contact: (contact[0], contact[2].bounds))
-
-    def nearest(self, name: str, apart: bool = False) -> Nearest | None:
-        """
-        Return the obstacle nearest to a footprint, None if either is not placed.
-
-        It comes with its separation and the closest points, as from `PolygonSet.nearest`; with
-        `apart` the obstacles in contact are left out.
-        """
-        footprint = self._footprints[name]
-        found = self._contacts.nearest(footprint, footprint.contacts if apart else ())
-        return found and (found[0].name, *found[1:])
-
-    def newer_by(self, name: str, obstacles: Set[ObstacleId]) -> dict[ObstacleId, float]:
-        """
-        Return by how many s obstacles are newer than a footprint; only those that are placed.
-
-        If two sets hold an obstacle of the same name, one in contact counts first, then the newer.
-        """
-        footprint = self._footprints[name]
-        if footprint.time is None:
-            return {}
-        found: dict[ObstacleId, tuple[bool, float]] = {}
-        # One pass per source, because all of its obstacles may be asked for.
-        for source in {obstacle.source for obstacle in obstacles}:
-            for one in self._sources[source].store:
-                if one.row is not None and one.name in obstacles:
-                    known = one in footprint.contacts, one.time
-                    found[one.name] = max(found.get(one.name, known), known)
-        return {obstacle: (time - footprint.time) / 1e9 for obstacle, (_, time) in found.items()}
 
     def set_clock(self, now: int) -> None:
         """Begin anew, because the clock was set: the times of all that is there are of another."""

@@ -1,0 +1,190 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What is known of a scene, to be shown: bodies, states and separations; nothing is changed."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Mapping, Set
+from itertools import chain
+from typing import TypeAlias
+
+from sat_collision.geometry.polygon import Polygon
+from sat_collision.geometry.polygon_set import Point
+from sat_collision.scene.contacts import Contacts
+from sat_collision.scene.footprints import Footprint, State, Status
+from sat_collision.scene.obstacles import ObstacleId
+from sat_collision.scene.prediction import predict, Prediction, velocity_of
+from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
+from sat_collision.scene.sources import Source
+from sat_collision.scene.velocity import Velocity
+
+# An obstacle, its separation (m) from a footprint, and the closest points of the two.
+Nearest: TypeAlias = tuple[ObstacleId, float, Point, Point]
+
+
+class SceneView:
+    """The part of a Scene that only reads it."""
+
+    settings: Settings
+    _now: int
+    _contacts: Contacts
+    _sources: dict[str, Source]
+    _footprints: dict[str, Footprint]
+
+    @property
+    def footprints(self) -> list[tuple[str, Polygon]]:
+        """The (name, Polygon) of every footprint that is placed, even if stale."""
+        return [(name, polygon) for name, footprint in self._footprints.items()
+                if (polygon := footprint.polygon) is not None]
+
+    @property
+    def obstacles(self) -> list[tuple[ObstacleId, Polygon]]:
+        """The (ObstacleId, Polygon) of every obstacle that is placed."""
+        return [(obstacle.name, polygon) for source in self._sources.values()
+                for obstacle in source.store if (polygon := obstacle.polygon) is not None]
+
+    def nearest_obstacles(self, limit: int) -> list[tuple[ObstacleId, Polygon]]:
+        """Return up to `limit` obstacles as `obstacles` does: those nearest to footprints."""
+        rows = self._contacts.nearest_rows(limit)
+        return [(obstacle.name, polygon) for source in self._sources.values()
+                for obstacle in source.store
+                if obstacle.row in rows and (polygon := obstacle.polygon) is not None]
+
+    @property
+    def source_summaries(self) -> list[tuple[str, str]]:
+        """What is known of each source, and how it would release obstacles sooner."""
+        return [(source.summary, source.advice) for source in self._sources.values()]
+
+    def known_by(self, name: str) -> tuple[str, str]:
+        """Return the rule by which a source is known, and how it would release sooner."""
+        return (self._sources[name].rule, self._sources[name].advice) if (
+            name in self._sources) else ('', '')
+
+    @property
+    def advice(self) -> dict[str, str]:
+        """How sources that are known would release obstacles sooner, by their names."""
+        return {name: source.advice for name, source in self._sources.items()
+                if source.advice and source.knowledge.is_known}
+
+    @property
+    def source_faults(self) -> tuple[str, ...]:
+        """Why sources of obstacles cannot be trusted, in sentences."""
+        return tuple(chain.from_iterable(source.faults for source in self._sources.values()))
+
+    @property
+    def source_names(self) -> Collection[str]:
+        """The names of the sources of obstacles."""
+        return self._sources
+
+    def settings_of(self, name: str) -> FootprintSettings | ObstacleSettings:
+        """Return the settings of a footprint or source by its name."""
+        source = self._sources.get(name)
+        return source.settings if source else self._footprints[name].settings
+
+    def footprint_timeout(self, source: str) -> float:
+        """Return the least timeout in s of the footprints that monitor a source; 0.0 for none."""
+        return min((one.timeout for one in self.settings.footprints
+                    if one.timeout and one.monitors(source)), default=0.0)
+
+    def unknown_reasons(self, name: str) -> tuple[str, ...]:
+        """Return why contacts of a footprint may be unknown, empty if all are known."""
+        return self._footprints[name].unknown_reasons
+
+    def status(self, name: str) -> Status:
+        """Return the Status of a footprint."""
+        return self._footprints[name].status
+
+    def state(self, name: str) -> State:
+        """Return the State of a footprint at the last time passed."""
+        footprint = self._footprints[name]
+        age = None if footprint.time is None else max(self._now - footprint.time, 0) / 1e9
+        status, reasons = footprint.evaluation
+        return State(status, footprint.contacts_reported, reasons, age)
+
+    def origin(self, name: str) -> tuple[str, float | None]:
+        """
+        Return where the valid footprint came from: a frame, and the age of its transform in s.
+
+        The frame is that in which it was sent, '' if there is no valid footprint; the age is None
+        if it was not transformed, or by a static transform.
+        """
+        footprint = self._footprints[name]
+        if footprint.time is None:
+            return '', None
+        if footprint.origin is None:
+            return footprint.frame_id, None
+        frame_id, at = footprint.origin
+        return frame_id, None if at is None else (self._now - at) / 1e9
+
+    def contacts(self, name: str) -> list[tuple[ObstacleId, Polygon, Polygon]]:
+        """
+        Return (ObstacleId, Polygon of the footprint, Polygon of the obstacle) per contact.
+
+        They are sorted by name, and then by place: two sets may hold an obstacle of the same name.
+        """
+        footprint = self._footprints[name]
+        return sorted(((obstacle.name, own, other) for obstacle in footprint.contacts
+                       if (own := footprint.polygon) and (other := obstacle.polygon)),
+                      key=lambda contact: (contact[0], contact[2].bounds))
+
+    def nearest(self, name: str, apart: bool = False) -> Nearest | None:
+        """
+        Return the obstacle nearest to a footprint, None if either is not placed.
+
+        It comes with its separation and the closest points, as from `PolygonSet.nearest`; with
+        `apart` the obstacles in contact are left out.
+        """
+        footprint = self._footprints[name]
+        found = self._contacts.nearest(footprint, footprint.contacts if apart else ())
+        return found and (found[0].name, *found[1:])
+
+    def newer_by(self, name: str, obstacles: Set[ObstacleId]) -> dict[ObstacleId, float]:
+        """
+        Return by how many s obstacles are newer than a footprint; only those that are placed.
+
+        If two sets hold an obstacle of the same name, one in contact counts first, then the newer.
+        """
+        footprint = self._footprints[name]
+        if footprint.time is None:
+            return {}
+        found: dict[ObstacleId, tuple[bool, float]] = {}
+        # One pass per source, because all of its obstacles may be asked for.
+        for source in {obstacle.source for obstacle in obstacles}:
+            for one in self._sources[source].store:
+                if one.row is not None and one.name in obstacles:
+                    known = one in footprint.contacts, one.time
+                    found[one.name] = max(found.get(one.name, known), known)
+        return {obstacle: (time - footprint.time) / 1e9 for obstacle, (_, time) in found.items()}
+
+    def velocity(self, name: str) -> Velocity | str:
+        """Return the velocity of a footprint since its stamp, or why it is unknown."""
+        return velocity_of(self._footprints[name], self._now)
+
+    def prediction(self, name: str) -> Prediction | None:
+        """
+        Return when a footprint will be in contact, as of the last time passed.
+
+        None while its state or its velocity is unknown, and if nothing asks for predictions.
+        """
+        footprint = self._footprints[name]
+        horizon = max(self.settings.horizon, footprint.settings.min_time_to_collision)
+        return predict(footprint, self._contacts, self._sources.values(), self._now,
+                       horizon) if horizon else None
+
+    def lost(self) -> Counter[str]:
+        """Return the number of messages that were sent but not received, by name."""
+        receivers: Mapping[str, Footprint | Source] = {**self._footprints, **self._sources}
+        return +Counter({name: one.stream.lost for name, one in receivers.items()})

@@ -317,6 +317,49 @@ def test_room_for_two(set_end, has_ids, messages, held, is_known):
     assert is_known or 'max_count, 2' in heard.knowledge.problem(heard.now)
 
 
+USELESS = 'has sent nothing of use for longer than its timeout of 1e-06 s: '
+
+
+@pytest.mark.parametrize('set_end, messages, words', [
+    ('empty_polygon', '', 'has not sent anything yet'),
+    ('none', '', 'has not sent anything yet'),
+    ('empty_polygon', '?1', 'has sent nothing of use yet: a message was refused: noise'),
+    ('empty_polygon', '~a1', 'has not sent a whole set since it was received from its middle on'),
+    ('empty_polygon', '^a1', 'has not ended a set yet: send an empty polygon after the last '
+     'obstacle of each set, or leave set_end out'),
+    ('empty_polygon', '^a1 .1 b600 c1200', 'has not ended a set for 1e-06 s: send an empty'),
+    ('empty_polygon', '^a1 .1 1002', 'has been silent for longer than its timeout of 1e-06 s: where'
+     ' it sees nothing let it send an empty polygon'),
+    ('empty_polygon', '^a1 .1 ?900 ?1002', USELESS + 'a message was refused: noise'),
+    ('empty_polygon', '^a1 .1 b2@1100', USELESS + 'its stamps are older than that'),
+    ('empty_polygon', '^a1 .1 !b1002', 'has not sent a whole set since messages were lost'),
+    ('empty_polygon', '^a1 .1 ?100 b900', 'has not sent a whole set since a message was refused'),
+    ('empty_polygon', '^a1 b1101 .1101', 'sends sets whose oldest obstacle is 1.1e-06 s old when '
+     'they end, more than its timeout'),
+    ('new_stamp', '^a1 b1', 'has not sent a whole set yet'),
+    ('new_stamp', '^a1 b2000 c4000 c5001', 'sends a set every 1.5e-06 s: raise timeout above that'),
+    ('none', '^a1', 'has not been received for its timeout of 1e-06 s and future_tolerance, 1e-07 '
+     's, without a gap'),
+    ('none', '^a1 !b2', 'without a gap since messages were lost'),
+    ('none', '^a1 b1002@1001', 'has stamps that are further apart than its timeout'),
+    ('none', '^a1 b501 1502', 'has been silent for longer than its timeout of 1e-06 s')])
+def test_reasons(set_end, messages, words):
+    """Rule 16: they say what is missing, and what to do."""
+    heard = Heard(set_end)
+    assert heard.feed(messages)[1] is False
+    assert words in heard.knowledge.problem(heard.now)
+
+
+def test_reasons_of_maps():
+    """Rule 11: the depth of a publisher is named."""
+    heard = Heard('empty_polygon', timeout=0.0)
+    heard.feed('~a1 b1')
+    assert 'raise the depth of its publisher to one message more' in heard.knowledge.problem(1)
+    assert heard.feed('.1 b1')[1] is False and not heard.knowledge.wants_history
+    heard.feed('!c1')
+    assert heard.knowledge.wants_history
+
+
 @pytest.mark.parametrize('set_end, message', [('empty_polygon', '!a1 .1'),
                                               ('each_message', 'a{}')])
 def test_listings_that_are_never_whole_are_bounded(set_end, message):

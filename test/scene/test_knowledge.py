@@ -327,9 +327,9 @@ USELESS = 'has sent nothing of use for longer than its timeout of 1e-06 s: '
     ('empty_polygon', '~a1', 'has not sent a whole set since it was received from its middle on'),
     ('empty_polygon', '^a1', 'has not ended a set yet: send an empty polygon after the last '
      'obstacle of each set, or leave set_end out'),
-    ('empty_polygon', '^a1 .1 b600 c1200', 'has not ended a set for 1e-06 s: send an empty'),
-    ('empty_polygon', '^a1 .1 1002', 'has been silent for longer than its timeout of 1e-06 s: where'
-     ' it sees nothing let it send an empty polygon'),
+    ('empty_polygon', '^a1 .1 b600 c1200', 'has not ended a set for 1e-06 s: send an'),
+    ('empty_polygon', '^a1 .1 1002', 'has been silent for longer than its timeout of 1e-06 s: '
+     'where it sees nothing let it send an empty polygon'),
     ('empty_polygon', '^a1 .1 ?900 ?1002', USELESS + 'a message was refused: noise'),
     ('empty_polygon', '^a1 .1 b2@1100', USELESS + 'its stamps are older than that'),
     ('empty_polygon', '^a1 .1 !b1002', 'has not sent a whole set since messages were lost'),
@@ -337,7 +337,7 @@ USELESS = 'has sent nothing of use for longer than its timeout of 1e-06 s: '
     ('empty_polygon', '^a1 b1101 .1101', 'sends sets whose oldest obstacle is 1.1e-06 s old when '
      'they end, more than its timeout'),
     ('new_stamp', '^a1 b1', 'has not sent a whole set yet'),
-    ('new_stamp', '^a1 b2000 c4000 c5001', 'sends a set every 1.5e-06 s: raise timeout above that'),
+    ('new_stamp', '^a1 b2000 c4000 c5001', 'sends a set every 1.5e-06 s: raise timeout above'),
     ('none', '^a1', 'has not been received for its timeout of 1e-06 s and future_tolerance, 1e-07 '
      's, without a gap'),
     ('none', '^a1 !b2', 'without a gap since messages were lost'),

@@ -447,8 +447,8 @@ class Refreshed(Knowledge):
         self._drop_parts(lambda end: end <= oldest)
         if self.by_id is not None:
             self.by_id.forget_stamped_before(oldest)
-        if not self.is_known and stamp > self._begun + self.timeout + self._tolerance:
-            self.is_known = self._heard + self.timeout >= now
+        if stamp > self._begun + self.timeout + self._tolerance:
+            self.is_known = True
 
     def group_for(self, message: Message, now: int) -> SetGroup:
         """Return the group for an obstacle without an id, which has just been heard."""

@@ -245,19 +245,20 @@ class Scene(SceneView):
         if not source.settings.enabled:
             return None
         faults, knowledge = source.faults, source.knowledge
-        if stamp > now and self._is_from_future(stamp):
-            if body is None and source.settings.set_end == EMPTY_POLYGON:
-                # It ends a set all the same; of its stamp nothing is used.
-                source.receive(None, frame_id, 0, now, None, number)
-                refusal: str | None = FROM_FUTURE
-            else:
-                source.receive(None, frame_id, None, now, instance, number,
-                               self._far_ahead(stamp))
-                refusal = FROM_FUTURE
-        elif body is not None and self.frame_id and frame_id != self.frame_id:
-            refusal = source.receive(None, frame_id, stamp, now, instance, number, OTHER_FRAME)
+        refused = read = None
+        if body is None and source.settings.set_end == EMPTY_POLYGON:
+            # A mark ends a set whatever its stamp.
+            read = min(stamp, now)
+        elif stamp > now and self._is_from_future(stamp):
+            refused = self._far_ahead(stamp)
         else:
-            refusal = source.receive(body, frame_id, stamp, now, instance, number, sent=sent)
+            read = stamp
+            if body is not None and self.frame_id and frame_id != self.frame_id:
+                refused = OTHER_FRAME
+        refusal = source.receive(None if refused else body, frame_id, read, now, instance, number,
+                                 refused, sent)
+        if read is None:
+            refusal = FROM_FUTURE
         due = (source.deadline if source.timeout == NEVER else
                (stamp if stamp and stamp < now else now) + source.timeout)
         if due < self.deadline:

@@ -358,6 +358,7 @@ def test_reasons_of_maps():
     assert heard.feed('.1 b1')[1] is False and not heard.knowledge.wants_history
     heard.feed('!c1')
     assert heard.knowledge.wants_history
+    assert heard.feed('.1 d1 .1')[1] and not heard.knowledge.wants_history
 
 
 @pytest.mark.parametrize('set_end, message', [('empty_polygon', '!a1 .1'),

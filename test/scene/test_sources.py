@@ -71,13 +71,14 @@ def test_set_may_have_any_stamps(stamps):
 
 
 def test_run_with_the_stamp_of_the_set_before_counts_from_it():
-    """The clock of the publisher stands; the mark of the second set is stamped later."""
+    """The clock of the publisher stands; the mark of the last set is stamped later."""
     monitor = Monitor(Settings((FootprintSettings('robot', '/robot', timeout=0.0),), (LIDAR,)))
     begin = 1000 * SECOND
     polygons = [serialised(box(x), begin) for x in (9, 12)]
     monitor.receive('robot', serialised(box(0), begin), begin, 1)
-    monitor.receive_batch('lidar', [*polygons, serialised([], begin)], begin, 1)
-    monitor.receive_batch('lidar', [*polygons, serialised([], begin + SECOND)], begin + SECOND, 4)
+    for k, later in enumerate((0, 0, 0, SECOND)):
+        monitor.receive_batch('lidar', [*polygons, serialised([], begin + later)], begin + later,
+                              3 * k + 1)
     for time, status in ((2.0, Status.CLEAR), (2.001, Status.UNKNOWN)):
         monitor.advance(begin + nanoseconds(time))
         assert monitor.scene.status('robot') is status
@@ -213,9 +214,8 @@ def test_mark_is_not_refused_for_its_frame_nor_for_its_stamp():
     stage.robot()
     for stamp in ('none', -1e6, 1e6):
         stage.see(10)
-        refusal = stage.scene.obstacle('lidar', None, 'nowhere', stage.stamp(stamp), stage.now,
-                                       number=stage.number('lidar'))
-        assert refusal == (FROM_FUTURE if stamp == 1e6 else None)
+        assert stage.scene.obstacle('lidar', None, 'nowhere', stage.stamp(stamp), stage.now,
+                                    number=stage.number('lidar')) is None
         assert status_and_reasons(stage) == ('clear', ())
 
 
@@ -409,6 +409,18 @@ def test_refused_obstacle_of_a_set_makes_it_not_whole():
     assert status_and_reasons(stage) == ('collision', reasons)
     stage.end()
     assert status_and_reasons(stage) == ('collision', ())
+
+
+def test_obstacle_counts_as_long_as_the_last_whole_set_though_another_is_refused():
+    """It was older than the timeout when it came."""
+    stage = with_robot(LIDAR)
+    stage.send(10)
+    stage.wait_until(1.0)
+    assert stage.see(0.5, stamp=-1.5) == TOO_OLD
+    stage.refuse()
+    for time, status in ((1.0, 'collision'), (2.0, 'collision'), (2.001, 'unknown')):
+        stage.wait_until(time)
+        assert stage.status() == status
 
 
 def test_refused_id_counts_until_it_is_replaced_or_forgotten():

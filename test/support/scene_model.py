@@ -108,11 +108,11 @@ class SceneModel:
         settings = self.settings_of(name)
         if not settings.enabled:
             return None
+        if name in self._sources and settings.set_end == 'empty_polygon' and (
+                ring is None and refusal is None):
+            # A mark ends a set whatever its stamp.
+            stamp = min(stamp, now)
         if stamp is not None and stamp > now + nanoseconds(self.settings.future_tolerance):
-            if ring is None and refusal is None and settings.set_end == 'empty_polygon':
-                # A mark ends a set whatever its stamp.
-                self._sources[name].receive(Message(None, None, 0, now, None, number))
-                return FROM_FUTURE
             ring, stamp = None, None
             refusal = FROM_FUTURE if refusal in (None, OTHER_FRAME) else refusal
         if name in self._sources:

@@ -59,8 +59,7 @@ class Driven(World):
         """The velocity in the values of ~/state."""
         states = States('/node', self.settings)
         states.write('robot', self.state(), 0.0)
-        states.write_moving('robot', None, None, {}, ('', None), self.scene.velocity('robot'),
-                            self.prediction, ())
+        states.write_moving('robot', self.scene, None, self.prediction)
         states.write('robot', self.state(), 0.0)
         return {one.key: one.value for one in states.statuses[0].values}['velocity']
 

@@ -15,7 +15,7 @@
 """
 The scene as visualization_msgs/MarkerArray.
 
-Where bodies meet and where labels go is computed for drawing only: it is rounded.
+Where bodies meet is computed for drawing only: it is rounded.
 """
 
 from __future__ import annotations
@@ -68,11 +68,6 @@ MAX_DRAWN = 1_000
 _MAX_PAIRS = 2_000
 # Bound of rounding errors, relative to the largest coordinate.
 _SLACK = 1e-9
-# Labels, in heights of the text: the width of a character, the free space around a text, and the
-# distances to try between a text and its body.
-_WIDTH = 0.6
-_PADDING = 0.2
-_DISTANCES = (0.3, 1.5, 3.0)
 
 
 class _Style(NamedTuple):
@@ -146,8 +141,6 @@ class Markers:
             self._draw(name, 0, _COLOURS[state.status], 0.6, [name])
         self._draw_obstacles(obstacles, {obstacle for state in states.values()
                                          for obstacle in state.contacts})
-        self._labels = Labels((part for shape in self._shapes.values() for part in shape.parts),
-                              _TEXT)
         known = [name for name, state in states.items() if state.status is not Status.UNKNOWN]
         self._draw_nearest(scene, known)
         for name in known:
@@ -220,7 +213,6 @@ class Markers:
         length = np.hypot(*gap) or 1.0  # bodies apart by less than the points' rounding
         beyond = gap / length * max(0.5 * np.hypot(max_x - min_x, max_y - min_y), _TEXT)
         axis = np.array([ends[0] - beyond, ends[1] + beyond])
-        self._labels.keep_free(axis)
         self._add('nearest/axis', 0, _AXIS, _AMBER, _points(axis))
         self._add('nearest/points', 0, _CLOSEST, _AMBER, _points(ends))
         self._write('nearest/distance', _AMBER, (*ends.min(0).tolist(), *ends.max(0).tolist()),
@@ -252,10 +244,10 @@ class Markers:
         marker.points = points
 
     def _write(self, ns: str, colour: _Colour, box: Box, text: str) -> None:
-        """Write a text beside what is in a box."""
+        """Write a text above what is in a box."""
         marker = self._marker(ns, 0, Marker.TEXT_VIEW_FACING, colour)
-        x, y = self._labels.place(text, box)
-        marker.pose.position = Point(x=x, y=y, z=_TEXT)
+        min_x, _, max_x, max_y = box
+        marker.pose.position = Point(x=0.5 * (min_x + max_x), y=max_y + 0.8 * _TEXT, z=_TEXT)
         marker.scale.z = _TEXT
         marker.text = text
 
@@ -285,62 +277,6 @@ def _triangles(ring: Ring) -> list[Any]:
 
 def _points(vertices: ArrayLike) -> list[Any]:
     return [Point(x=x, y=y) for x, y in np.asarray(vertices).tolist()]
-
-
-class Labels:
-    """
-    Finds places for texts beside the bodies that they describe, one after the other.
-
-    Texts, all of the same height in metres, avoid the bodies, which are convex rings with the box
-    around each.
-    """
-
-    def __init__(self, bodies: Iterable[tuple[Ring, Box]], height: float) -> None:
-        bodies = list(bodies)
-        self._rings = [ring for ring, _ in bodies]
-        self._boxes: NDArray[np.float64] = np.array([box for _, box in bodies]).reshape(-1, 4)
-        self._height = height
-
-    def place(self, text: str, box: Box) -> tuple[float, float]:
-        """Return where to centre a text that describes what is in a box (m), and keep it free."""
-        half = 0.5 * _WIDTH * self._height * len(text), 0.5 * self._height
-        padding = _PADDING * self._height
-        w, h = half[0] + padding, half[1] + padding
-        least: tuple[int, Ring] | None = None
-        for x, y in _candidates(box, *half, self._height):
-            ring = np.array([(x - w, y - h), (x + w, y - h), (x + w, y + h), (x - w, y + h)])
-            covered = self._count_covered(ring)
-            if least is None or covered < least[0]:
-                least = covered, ring
-            if not covered:
-                break
-        assert least is not None
-        ring = least[1]
-        self.keep_free(ring)
-        x, y = ring.mean(0).tolist()
-        return x, y
-
-    def keep_free(self, ring: Ring) -> None:
-        """Keep texts off a ring."""
-        self._rings.append(ring)
-        self._boxes = np.vstack([self._boxes, (*ring.min(0), *ring.max(0))])
-
-    def _count_covered(self, ring: Ring) -> int:
-        """Return how many bodies and texts a text would cover."""
-        near = ((self._boxes[:, :2] < ring[2]) & (self._boxes[:, 2:] > ring[0])).all(1)
-        return sum(len(clip(ring, self._rings[i])) > 0 for i in np.flatnonzero(near))
-
-
-def _candidates(box: Box, half_width: float, half_height: float,
-                height: float) -> Iterator[tuple[float, float]]:
-    """Yield the places around a box, the best first: above, below, at the sides, at corners."""
-    min_x, min_y, max_x, max_y = box
-    for distance in _DISTANCES:
-        gap = distance * height
-        xs = 0.5 * (min_x + max_x), max_x + gap + half_width, min_x - gap - half_width
-        ys = 0.5 * (min_y + max_y), max_y + gap + half_height, min_y - gap - half_height
-        for i, j in ((0, 1), (0, 2), (1, 0), (2, 0), (1, 1), (2, 1), (1, 2), (2, 2)):
-            yield xs[i], ys[j]
 
 
 def contact_marks(footprint: Polygon, obstacle: Polygon) -> list[Ring]:

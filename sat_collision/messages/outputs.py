@@ -248,13 +248,8 @@ class Outputs:
     def _publish_states(self, nearest: Mapping[str, Nearest | None],
                         predictions: Mapping[str, Prediction | None], stamp: Any) -> None:
         self._states.update(self._scene, predictions)
-        sources = ['; '.join(filter(None, known)) for known in self._scene.source_summaries]
         for name, found in nearest.items():
-            state = self._scene.state(name)
-            named = {*state.contacts, *((found[0],) if found else ())}
-            self._states.write_moving(name, state.age, found, self._scene.newer_by(name, named),
-                                      self._scene.origin(name), self._scene.velocity(name),
-                                      predictions[name], sources)
+            self._states.write_moving(name, self._scene, found, predictions[name])
         self._state_publisher.publish(self._states.message(stamp))
 
     def publish_markers(self, draws: bool = True) -> None:

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -24,11 +24,9 @@ from sat_collision.geometry.polygon import Polygon
 from sat_collision.messages.interfaces import DiagnosticArray, DiagnosticStatus, KeyValue
 from sat_collision.scene.footprints import State, Status
 from sat_collision.scene.frames import in_words as name_in_words
-from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.prediction import Prediction
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import Settings
-from sat_collision.scene.velocity import Velocity
 from sat_collision.scene.view import Nearest
 
 _LEVELS = {
@@ -85,7 +83,6 @@ class States:
         keys = (*_MOVING, *(f'source {one.name}' for one in settings.obstacles)) if moving else ()
         self._moving = {name: [KeyValue(key=key) for key in keys] for name in self._statuses}
         self._unwritten = set(self._statuses)
-        self._contacts: dict[str, tuple[ObstacleId, ...]] = dict.fromkeys(self._statuses, ())
         self._coarse: dict[str, bool | None] = dict.fromkeys(self._statuses)
         self._message = DiagnosticArray(status=list(self._statuses.values()))
 
@@ -114,7 +111,6 @@ class States:
         """Write a footprint's new state; `step` is the float32 step of its coordinates, m."""
         coarse = step > self.settings.resolution
         self._coarse[name] = coarse
-        self._contacts[name] = state.contacts
         status = self._statuses[name]
         status.level = _LEVELS[state.status]
         status.message = in_words(state, self.settings.margin, prediction)
@@ -134,18 +130,13 @@ class States:
             *self._moving[name],
             KeyValue(key='reason', value='; '.join(reasons))]
 
-    def write_moving(self, name: str, age: float | None, nearest: Nearest | None,
-                     newer: Mapping[ObstacleId, float], origin: tuple[str, float | None],
-                     velocity: Velocity | str, prediction: Prediction | None,
-                     sources: Sequence[str]) -> None:
-        """
-        Write the values that change all the time, as the methods of a Scene return them.
-
-        The age is in s since the footprint's stamp; `newer` says by how many s the nearest
-        obstacle, and each in contact, is newer than the footprint; `sources` what is known of
-        each source.
-        """
-        frame_id, transform_age = origin
+    def write_moving(self, name: str, scene: Scene, nearest: Nearest | None,
+                     prediction: Prediction | None) -> None:
+        """Write the values that change all the time, with what is known of each source."""
+        state = scene.state(name)
+        newer = scene.newer_by(name, {*state.contacts, *((nearest[0],) if nearest else ())})
+        frame_id, transform_age = scene.origin(name)
+        velocity = scene.velocity(name)
         if isinstance(velocity, str):
             motion = f'unknown: {velocity}' if velocity else 'unknown'
         else:
@@ -153,17 +144,18 @@ class States:
             motion = f'{vx:.3f} m/s, {vy:.3f} m/s, {omega:.3f} rad/s by {velocity.origin}'
         is_known = prediction and prediction.is_known
         texts = (
-            '' if age is None else f'{age:.3f}',
+            '' if state.age is None else f'{state.age:.3f}',
             f'{nearest[1]:.6g}' if nearest else '',
             str(nearest[0]) if nearest else '',
             f'{newer[nearest[0]]:.3f}' if nearest and nearest[0] in newer else '',
-            ', '.join(f'{one} {newer[one]:.3f}' for one in self._contacts[name] if one in newer),
+            ', '.join(f'{one} {newer[one]:.3f}' for one in state.contacts if one in newer),
             name_in_words(frame_id) if frame_id else '',
             '' if transform_age is None else f'{transform_age:.3f}',
             f'{prediction.seconds:.3f}' if prediction and is_known else '',
             str(prediction.obstacle or '') if prediction and is_known else '',
             motion,
-            ', '.join(map(str, prediction.unknown)) if prediction else '', *sources)
+            ', '.join(map(str, prediction.unknown)) if prediction else '',
+            *('; '.join(filter(None, known)) for known in scene.source_summaries))
         for value, text in zip(self._moving[name], texts):
             value.value = text
 

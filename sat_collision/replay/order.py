@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import groupby
 from operator import itemgetter
 from typing import TypeAlias
@@ -31,6 +31,9 @@ from sat_collision.scene.settings import TF
 
 # Consecutive messages of one topic with the same time, in ns.
 Timed: TypeAlias = tuple[str, int, list[bytes]]
+
+# A time, the number of the first message, the topic, and messages.
+_Counted: TypeAlias = tuple[int, int, str, list[bytes]]
 
 # How far apart stamp and time received may be for a message to count at its stamp, ns.
 WINDOW = 10 * 10**9
@@ -87,15 +90,23 @@ class StampOrder:
     A message without a stamp counts at the time received; so does one whose stamp is more than
     WINDOW off that, as it is from another clock. With `by_header` the stamps are the clock, and a
     message without one counts at the latest stamp so far, 0 before the first.
+
+    Where a mark ends a set, order says what is in it: its messages stay in their order, and all
+    count at the latest stamp of them but that of the mark. `marks` has for the topic of each such
+    source what tells whether a message is a mark.
     """
 
-    def __init__(self, rows: Iterable[Row], by_header: bool) -> None:
+    def __init__(self, rows: Iterable[Row], by_header: bool,
+                 marks: Mapping[str, Callable[[bytes], bool]] | None = None) -> None:
         # How much later than its time the last message was received, ns; unused by header.
         self.delay = 0
         self._rows = rows
         self._by_header = by_header
         # Consecutive messages of one topic and time, with the count of the first.
-        self._waiting: list[tuple[int, int, str, list[bytes]]] = []
+        self._waiting: list[_Counted] = []
+        # The same of the sets that are being received, by their topics.
+        self._sets: dict[str, list[_Counted]] = {topic: [] for topic in marks or ()}
+        self._marks = marks or {}
 
     def __iter__(self) -> Iterator[Timed]:
         by_header, waiting = self._by_header, self._waiting
@@ -128,6 +139,7 @@ class StampOrder:
                     if by_header:
                         if time and time < latest - WINDOW:
                             # The clock was set back: earlier messages come first.
+                            self._end_sets()
                             yield from self._take(None)
                             latest = released = 0
                         time = received = time or latest
@@ -138,14 +150,38 @@ class StampOrder:
                         begin, end = (0, 0) if by_header else (stamp - WINDOW, stamp + WINDOW)
                     before = received
                     latest = max(latest, received)
-                    waiting.append((time, count, topic, run))
+                    if topic in self._sets:
+                        self._add_to_set(topic, (time, count, topic, run))
+                    else:
+                        waiting.append((time, count, topic, run))
                     if latest > released + 2 * WINDOW:
                         released = latest - WINDOW
+                        self._end_sets(released)
                         self.delay = received - time
                         yield from self._take(released)
                         run_topic = ''
         self.delay = before - time
+        self._end_sets()
         yield from self._take(None)
+
+    def _add_to_set(self, topic: str, counted: _Counted) -> None:
+        """Add messages to the set that is being received on a topic, or to the next one."""
+        if self._sets[topic] and self._marks[topic](self._sets[topic][-1][-1][-1]):
+            self._end_set(topic)
+        self._sets[topic].append(counted)
+
+    def _end_set(self, topic: str) -> None:
+        parts, is_mark = self._sets[topic], self._marks[topic]
+        latest = max((time for time, *_, run in parts if not is_mark(run[0])),
+                     default=parts[-1][0])
+        self._waiting += [(latest, count, topic, run) for _, count, _, run in parts]
+        parts.clear()
+
+    def _end_sets(self, until: int | None = None) -> None:
+        """End the sets that are being received, those that began before a time or all."""
+        for topic, parts in self._sets.items():
+            if parts and (until is None or parts[0][0] < until):
+                self._end_set(topic)
 
     def _take(self, until: int | None) -> Iterator[Timed]:
         """Yield and drop the waiting messages from before a time, or all."""

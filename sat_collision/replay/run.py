@@ -18,12 +18,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from sat_collision.geometry.polygon import Reason
-from sat_collision.messages.cdr import header_stamp, stamped
+from sat_collision.messages.cdr import decode, header_stamp, MessageError, stamped
 from sat_collision.messages.ingest import Placement
 from sat_collision.messages.rejections import EMPTY_FRAME_ID, LONG_FRAME_ID, Rejection, UNDECODABLE
 from sat_collision.messages.transform_listener import TF_STATIC, TRANSFORM_TOPICS
@@ -42,7 +43,8 @@ from sat_collision.replay.motion.tape import MotionTape
 from sat_collision.replay.order import ArrivalOrder, StampOrder, Timed, WINDOW
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.scene import OVERTAKEN
-from sat_collision.scene.settings import FAR, FootprintSettings, NEVER, NONE, Settings
+from sat_collision.scene.settings import (
+    EMPTY_POLYGON, FAR, FootprintSettings, NEVER, NONE, POLYGON_INSTANCE, Settings)
 
 if TYPE_CHECKING:
     from sat_collision.replay.output.bag import BagOutputs
@@ -209,7 +211,9 @@ class _Run:
         if progress:
             total = sum(self._recording.counts[topic] for topic in names)
             read = _with_progress(read, total, progress)
-        ordered = StampOrder(read, by_header) if self._motion else None
+        marks = {one.topic: partial(_is_empty, one.type == POLYGON_INSTANCE)
+                 for one in self._settings.obstacles if one.set_end == EMPTY_POLYGON}
+        ordered = StampOrder(read, by_header, marks) if self._motion else None
         rows = None if ordered or by_header else ArrivalOrder(read)
         runs: Iterable[Timed] = ordered or rows or (
             (topic, 0 if topic in TRANSFORM_TOPICS else header_stamp(data), [data])
@@ -399,6 +403,14 @@ def _with_progress(rows: Iterable[Row], total: int, progress: OnProgress) -> Ite
             due = count + _PROGRESS_EVERY
         count += len(row[1])
         yield row
+
+
+def _is_empty(with_id: bool, data: bytes) -> bool:
+    """Return whether a message is an empty polygon."""
+    try:
+        return not decode(data, with_id)[2][2]
+    except MessageError:
+        return False
 
 
 def _start_up(footprint: FootprintSettings, settings: Settings) -> int:

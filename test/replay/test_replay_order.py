@@ -35,11 +35,13 @@ def message(topic, received, stamp, number=0):
     return topic, START + round(received * SECOND), data
 
 
-def numbers(messages):
-    """Return topic, time and numbers of messages read in rows."""
+def numbers(messages, marks=None):
+    """Return topic, time and numbers of messages read in rows; the marks end sets of obstacles."""
     known = [data for _, _, data in messages]
     return [(topic, (time - START) / SECOND, [known.index(data) for data in batch])
-            for topic, time, batch in StampOrder(in_rows(messages), False)]
+            for topic, time, batch in StampOrder(
+                in_rows(messages), False,
+                marks and {'/obstacles': lambda data: known.index(data) in marks})]
 
 
 def test_interleaved_runs_are_sorted():
@@ -65,6 +67,17 @@ def test_run_continues_after_its_beginning_was_passed_on():
     messages = [message('/obstacles', received, stamp, k) for k, (received, stamp) in enumerate(
         ((0.5, 0.5), (35, 35), (44, 44), (46, 44), (2, 1), (3, 1), (4, 1)))]
     assert sorted(sum((batch for _, _, batch in numbers(messages)), [])) == [*range(7)]
+
+
+def test_messages_of_a_set_stay_together_in_their_order():
+    """They count when the last of them is stamped, whatever the stamp of their mark is."""
+    stamps = [('/obstacles', 1.2), ('/obstacles', 1.3), ('/obstacles', 0), ('/footprint', 1.25),
+              ('/obstacles', 1.1), ('/footprint', 1.35), ('/obstacles', 1.4), ('/obstacles', 9.0),
+              ('/obstacles', 1.6)]
+    messages = [message(topic, 1.5 + k / 100, stamp, k) for k, (topic, stamp) in enumerate(stamps)]
+    assert numbers(messages, {2, 7, 8}) == [
+        ('/footprint', 1.25, [3]), ('/obstacles', 1.3, [0, 1, 2]), ('/footprint', 1.35, [5]),
+        ('/obstacles', 1.4, [4, 6, 7]), ('/obstacles', 1.6, [8])]
 
 
 def expected(messages, by_header):

@@ -166,6 +166,8 @@ class SetTracker(Tracker):
             self._described = described
         if not placement.is_empty:
             self._pending.append(placement)
+        if placement.listing == placement.last_whole:
+            self._close()
 
     def use_frame(self, frame_id: str) -> None:
         super().use_frame(frame_id)
@@ -176,7 +178,8 @@ class SetTracker(Tracker):
         if self._listing and (is_over or now > self._start + self._longest):
             self._close()
         last, seen = self._last, self._seen
-        if last is None or seen is None or not self._alive or not (
+        # Whether bodies are received again is only known when the next set has ended.
+        if self._listing or last is None or seen is None or not self._alive or not (
                 is_over or now > self._last_stamp + self._longest):
             return
         alive, moving = self._alive, last.moving
@@ -327,7 +330,7 @@ class KeyTracker(Tracker):
 
     def rest(self, now: int, is_over: bool = False) -> None:
         self._now = now
-        if self._pending and (is_over or now > self._first_stamp + self._longest):
+        if is_over or now > min(self._rested, self._first_stamp) + self._longest:
             self._close()
         if is_over or now > self._rested + self._longest:
             self._rested = now

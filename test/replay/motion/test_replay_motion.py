@@ -292,6 +292,39 @@ def test_sets_of_one_message_are_matched(tmp_path):
     assert result.sources[1].undetermined == 0
 
 
+def test_set_is_what_comes_before_its_mark(tmp_path):
+    """Sets come every 0.1 s, 0.25 s late, with stamps of their own; marks have none."""
+    messages = samples([0.0] * 30)
+    for k in range(30):
+        walls = [box(5.0)[:3], box(2.0 + k % 2), box(-8.0)]
+        messages += [at(k / 10 + i / 50, points, 0.25) for i, points in enumerate(walls)]
+        messages.append(('/obstacles', k / 10 + 0.05 + 0.25, serialised([], 0)))
+    result = run(tmp_path, messages, MARKS)
+    assert result.verdict is Verdict.CLEAR and result.sources[1].undetermined == 0
+    assert result.footprints[0].least.separation == pytest.approx(1.0, abs=1e-6)
+    assert result.footprints[0].unknown < SECOND // 2
+
+
+@pytest.mark.parametrize('period', [0.5, 0.6, 0.9])
+@pytest.mark.parametrize('set_end', [MARKS, STAMPS, 'ids'])
+def test_motion_is_decided_however_seldom_messages_come(tmp_path, period, set_end):
+    """The timeout is 1 s; an obstacle passes the robot once at 4 m/s."""
+    with_ids = set_end == 'ids'
+    topic, last = ('/tracks' if with_ids else '/obstacles'), int(6.0 / period)
+    messages = samples([0.0] * 61)
+    for k in range(last + 1):
+        time = k * period
+        messages.append((topic, time, serialised(
+            box(-12.0 + 4 * time), START + round(time * SECOND), instance=with_ids or None)))
+        messages += [(topic, time, [])] if set_end == MARKS else []
+    name = 'tracks' if with_ids else SOURCE
+    result = run(tmp_path, messages, None if with_ids else set_end,
+                 parameters={f'{name}.timeout': 1.0})
+    contact, = result.contacts
+    assert since(result, contact.first, contact.last) == pytest.approx([2.75, 3.25], abs=1e-5)
+    assert result.sources[1].undetermined <= 1e9 * (6.0 - last * period) + 1
+
+
 def test_obstacle_at_rest_is_checked_at_every_footprint(tmp_path):
     """A wall sent once per second, and a robot at 10 Hz that touches it in one message."""
     messages = samples([0, 0, 0, 0, 1.5, 0, 0, 0, 0, 0, 0, 0])

@@ -56,8 +56,8 @@ class Outlines:
         self._outlines = {one.name: _PlacedOutline(one, settings.max_vertices)
                           for one in settings.footprints if one.has_outline}
         self.names = frozenset(self._outlines)
-        # The last message of each topic of odometry.
-        self._odometry: dict[str, bytes] = {}
+        # The newest message of each topic of odometry, after its time.
+        self._odometry: dict[str, tuple[int, bytes]] = {}
         # Whether frames that are static are to be looked up although no message comes.
         self._is_clock_new = True
         self.configure(settings)
@@ -78,6 +78,7 @@ class Outlines:
 
     def limit_times(self, now: int) -> None:
         """Let no place be ahead of a clock that went back a little: the next one counts."""
+        self._odometry.clear()
         for one in self._outlines.values():
             one.next = min(one.next, now)
             one.stamp = one.stamp and min(one.stamp, now)
@@ -89,8 +90,9 @@ class Outlines:
         if problem:
             return [self._ingest.reject(settings, *problem)]
         # The first of several footprints that receive a message moves all of them.
-        if header_stamp(data) >= header_stamp(self._odometry.get(settings.topic, b'')):
-            self._odometry[settings.topic] = data
+        stamp = min(header_stamp(data) or now, now)
+        if stamp >= self._odometry.get(settings.topic, (0, b''))[0]:
+            self._odometry[settings.topic] = stamp, data
         return []
 
     def follow(self, now: int) -> list[Rejection]:
@@ -140,7 +142,7 @@ class Outlines:
             # With commands only the pose counts: the twist is that of the command.
             return Velocity((0.0, 0.0, 0.0), pose_of(found.affine),
                             COMMAND if one.settings.cmd_vel else TRANSFORMS)
-        odometry = self._odometry.get(one.settings.topic)
+        _, odometry = self._odometry.get(one.settings.topic, (0, b''))
         if not odometry:
             return None
         _, child, _, _ = decode_odometry(odometry)

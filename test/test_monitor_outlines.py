@@ -336,6 +336,21 @@ def test_velocity_by_odometry():
     assert world.scene.velocity('robot')[2] == 'transforms'
 
 
+@pytest.mark.parametrize('parent', ['odom', 'earth'])
+def test_odometry_of_another_body_is_refused(parent):
+    """The outline is placed by /tf; the velocity of another robot is not its own."""
+    world = OutlineWorld(replace(ROBOT, topic='/odom', odometry='/odom'))
+    world.scene.tracks_motion = True
+    for time in (0.1, 0.2):
+        world.receive_odometry(time, 9.0, child='other', parent=parent, twist=(5.0, 0.0, 0.0))
+        world.move(time, time)
+    assert world.scene.velocity('robot')[0] == pytest.approx((1.0, 0.0, 0.0))
+    assert world.rejections[-1].text == (
+        "robot: a message on /odom was rejected, odometry of another body: it is of 'other', with "
+        "which 'base' does not move; give the topic that tells where the outline is, or publish "
+        'the transform from its frame to this one')
+
+
 def test_velocity_in_a_static_frame_is_0():
     world = OutlineWorld()
     world.scene.tracks_motion = True

@@ -27,7 +27,7 @@ from sat_collision.messages.cdr import (
     decode_command, decode_odometry, decode_twist, header_stamp, MessageError)
 from sat_collision.messages.ingest import Ingest
 from sat_collision.messages.rejections import (
-    BAD_COMMAND, COMMAND_FRAME, detail_of, Rejection, UNDECODABLE)
+    BAD_COMMAND, COMMAND_FRAME, detail_of, OTHER_BODY, Rejection, UNDECODABLE)
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.scene.frames import in_quotes, Mapped, NoTransform
 from sat_collision.scene.parameters import Outline, outline_of
@@ -89,6 +89,11 @@ class Outlines:
         problem = self._transforms.receive_odometry(data, now)
         if problem:
             return [self._ingest.reject(settings, *problem)]
+        child = decode_odometry(data)[1].removeprefix('/')
+        if not self._transforms.frames.is_carried(settings.frame_id, child):
+            return [self._ingest.reject(settings, OTHER_BODY, (
+                f'it is of {in_quotes(child)}, with which {in_quotes(settings.frame_id)} does not '
+                'move'))]
         # The first of several footprints that receive a message moves all of them.
         stamp = min(header_stamp(data) or now, now)
         if stamp >= self._odometry.get(settings.topic, (0, b''))[0]:
@@ -145,7 +150,7 @@ class Outlines:
         _, odometry = self._odometry.get(one.settings.topic, (0, b''))
         if not odometry:
             return None
-        _, child, _, _ = decode_odometry(odometry)
+        child = decode_odometry(odometry)[1].removeprefix('/')
         where = (found if child == one.settings.frame_id
                  else self._transforms.lookup_affine(child, found.at, found.at, 0.0))
         if isinstance(where, NoTransform):

@@ -30,6 +30,7 @@ BAD_COMMAND = 'no velocity of a robot'
 COMMAND_FRAME = 'command in another frame'
 EMPTY_FRAME_ID = 'empty frame_id'
 LONG_FRAME_ID = 'long frame_id'
+OTHER_BODY = 'odometry of another body'
 UNDECODABLE = 'undecodable'
 
 _ADVICE = {
@@ -38,6 +39,8 @@ _ADVICE = {
     EMPTY_FRAME_ID: 'the publisher must say which frame the polygon is in',
     FROM_FUTURE: 'set the clocks of both machines by one, to within future_tolerance',
     LONG_FRAME_ID: 'the publisher must name a frame as tf2 has it',
+    OTHER_BODY: 'give the topic that tells where the outline is, or publish the transform from '
+                'its frame to this one',
     OTHER_FRAME: 'publish all in one frame that does not move with a robot, or set the parameter '
                  'frame_id to one that /tf connects with the others',
     OVERTAKEN: 'let one publisher send the footprint, in the order of its stamps',

@@ -246,6 +246,11 @@ class Frames:
         """Return as `newest` does the map from the plane of a frame to that of another."""
         return self._projected(self.newest(target, source, oldest, now), target, source)
 
+    def is_carried(self, frame: str, other: str) -> bool:
+        """Return whether one of two frames moves with the other, by their newest transforms."""
+        return (self._climb_newest(frame, (other,))[1] == other
+                or self._climb_newest(other, (frame,))[1] == frame)
+
     def stamps(self, target: str, source: str, after: int, until: int) -> list[int]:
         """Return the sorted stamps, between two times, of the transforms above either frame."""
         names = {*self._climb_newest(source)[0], *self._climb_newest(target)[0]}

@@ -107,10 +107,9 @@ def decode(data: bytes, instance: bool) -> tuple[int, str, Points, int | None]:
         # Alignment counts from the end of the encapsulation, hence the 4.
         id_at = ((end - 4 + 7) & ~7) + 4
         end = id_at + _ID_SIZE
-        if end == size:
+        if end <= size:
             identity, = _read_id(data, id_at)
-    if end != size:
-        return _decode_with_library(data, instance)
+    _check_size(data, end)
     try:
         frame_id = data[_HEADER_SIZE:text_end - 1].decode()
     except UnicodeDecodeError:
@@ -202,7 +201,7 @@ def _decode_with_library(data: bytes, instance: bool) -> tuple[int, str, Points,
     as many bytes again, and have as many points as the bytes state. It also writes a line to
     standard error for each length beyond the end, so lengths are checked first.
     """
-    _check_lengths(data)
+    _check_lengths(data, instance)
     try:
         from sat_collision.messages import interfaces
     except ImportError as error:
@@ -230,8 +229,8 @@ def _decode_with_library(data: bytes, instance: bool) -> tuple[int, str, Points,
             message.polygon.id if instance else None)
 
 
-def _check_lengths(data: bytes) -> None:
-    """Raise MessageError if a length, in the message's own byte order, is beyond its end."""
+def _check_lengths(data: bytes, instance: bool) -> None:
+    """Raise MessageError if lengths, in the message's own byte order, do not make its size."""
     if len(data) < _HEADER_SIZE:
         raise MessageError(f'{len(data)} bytes where the header alone needs {_HEADER_SIZE}')
     order: Literal['little', 'big'] = 'little' if data[1] & 1 else 'big'
@@ -242,10 +241,10 @@ def _check_lengths(data: bytes) -> None:
     points_at = ((_HEADER_SIZE + length + 3) & ~3) + COUNT_SIZE
     if points_at > len(data):
         raise MessageError(f'a frame_id of {length} bytes in a message of {len(data)}')
-    count = number(points_at - COUNT_SIZE)
-    room = (len(data) - points_at) // POINT_SIZE
-    if count > room:
-        raise MessageError(f'{count} points where there are bytes for {room}')
+    end = points_at + number(points_at - COUNT_SIZE) * POINT_SIZE
+    if instance:
+        end = ((end - 4 + 7) & ~7) + 4 + _ID_SIZE
+    _check_size(data, end)
 
 
 class _Order:

@@ -407,7 +407,8 @@ def unused_files(ros: Sequence[str], node: str) -> Iterator[str]:
         if option != '--params-file':
             continue
         with open(path) as file:
-            names = [name for name, _ in parameters_by_node(yaml.safe_load(file))]
+            names = [name for content in yaml.safe_load_all(file)
+                     for name, _ in parameters_by_node(content)]
         if not any(is_name_of(name, node) for name in names):
             yield (f'{path} has no parameters for {node}, only for {", ".join(names) or "none"}: '
                    'call it /** there, which is any node')

@@ -33,6 +33,8 @@ _UNKNOWN = '_NODE_NAME_UNKNOWN_'
 _PASSED = 'one that has gone'
 # At least every so many looks publishers are queried, even if no change was reported.
 _LOOKS = 10
+# Max publishers of an input that are remembered once they have gone.
+_MAX_MET = 1000
 
 
 class Publishers:
@@ -128,6 +130,8 @@ class Publishers:
         met = self._met[name]
         self._unseen[name] -= len(self._receivable[name] - met)
         met |= self._receivable[name]
+        if len(met) > _MAX_MET:
+            met &= self._receivable[name]
         have_passed = self._unseen[name] > 0
         if have_passed:
             self._unseen[name] = 0

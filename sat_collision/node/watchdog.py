@@ -23,6 +23,8 @@ import socket
 import threading
 import time
 
+from rclpy.logging import get_logger
+
 # How many times per period a stall is reported again.
 _REPEATS = 4
 
@@ -44,6 +46,7 @@ class Watchdog:
         self._period = 0.0
         self._turned_at = 0.0
         self._stalled = False
+        self._has_failed = False
         self._changed = threading.Condition()
         self._thread: threading.Thread | None = None
         self._closed = False
@@ -82,7 +85,12 @@ class Watchdog:
                 if 0.0 < self._period <= stalled:
                     self._stalled = True
                     # Called with the lock held, so that it cannot follow the end of the stall.
-                    self._on_stall(stalled)
+                    try:
+                        self._on_stall(stalled)
+                    except Exception as error:  # whatever it is, the next stall counts, too
+                        if not self._has_failed:
+                            get_logger('watchdog').error(f'the watchdog failed: {error!r}')
+                        self._has_failed = True
                     self._changed.wait(self._period / _REPEATS)
                 else:
                     self._changed.wait(self._period - stalled if self._period else None)

@@ -56,6 +56,8 @@ LONGEST_FRAME_ID = 255
 _MAX_FRAMES = 10_000
 # Max answered look-ups that are kept; in messages for users, max frames and characters of a name.
 _MAX_MAPS = 256
+# Max transforms of a frame; more within the history, and the older half is forgotten.
+_MAX_KEPT = 20_000
 _MAX_LISTED = 10
 _MAX_SHOWN = 64
 _PLAIN = re.compile(rf'[A-Za-z0-9_./-]{{1,{_MAX_SHOWN}}}')
@@ -422,11 +424,13 @@ class _Track:
         return True
 
     def _prune(self, history: int) -> None:
-        """Forget what is older than the newest by more than the history."""
+        """Forget what is older than the newest by more than the history, and what is too much."""
         stamps = self.stamps
         oldest = stamps[-1] - history
-        if stamps[0] < oldest:
+        if stamps[0] < oldest or len(stamps) >= _MAX_KEPT:
             passed = bisect_left(stamps, oldest)
+            if len(stamps) - passed >= _MAX_KEPT:
+                passed = len(stamps) - _MAX_KEPT // 2
             del stamps[:passed], self.links[:passed]
 
     def at(self, stamp: int, max_gap: float) -> tuple[str, FixedTransform] | None:

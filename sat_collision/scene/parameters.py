@@ -239,8 +239,9 @@ def _pairs(settings: FootprintSettings) -> list[tuple[float, float]]:
         return list(zip(points[::2], points[1::2]))
     try:
         pairs = [(float(x), float(y)) for x, y in ast.literal_eval(points.strip())]
-    # All that Python's parser may raise.
-    except (ValueError, TypeError, SyntaxError, MemoryError, RecursionError) as error:
+    # All that Python's parser, and numbers beyond the largest double, may raise.
+    except (ValueError, TypeError, SyntaxError, MemoryError, RecursionError,
+            OverflowError) as error:
         raise ParameterError(f'{name}.points: a string must have the form '
                              "'[[x1, y1], [x2, y2], ...]'") from error
     return pairs
@@ -259,7 +260,10 @@ def _numbers(name: str, given: Any) -> str | tuple[float, ...]:
     if isinstance(given, str):
         return given
     if isinstance(given, Sequence) and all(type(one) in (int, float) for one in given):
-        return tuple(map(float, given))
+        try:
+            return tuple(map(float, given))
+        except OverflowError as error:
+            raise ParameterError(f'{name} has a number beyond the largest double') from error
     raise ParameterError(f"parameter '{name}' is {given!r}, but must be a string or an array of "
                          'numbers')
 

@@ -113,6 +113,24 @@ def test_flags_fall_after_the_stall(start, stall):
         assert not any(flag.data for flag in running.listen('~/collision')[received:])
 
 
+def test_watchdog_goes_on_after_an_error(start, stall, monkeypatch, capfd):
+    """What fails once is logged once, and the stall is reported all the same."""
+    monitor = start(**PARAMETERS)
+    clear(monitor)
+    watchdog = monitor.monitor._watchdog
+    report, failed = watchdog._on_stall, []
+
+    def fail_first(stalled):
+        if not failed:
+            failed.append(stalled)
+            raise OSError('no report')
+        report(stalled)
+    monkeypatch.setattr(watchdog, '_on_stall', fail_first)
+    stall(monitor)
+    monitor.until(monitor.flag)
+    assert capfd.readouterr().err.count("the watchdog failed: OSError('no report')") == 1
+
+
 def test_without_a_watchdog(start, stall):
     """With watchdog 0.0 the last flag stays."""
     running = start(**{**PARAMETERS, 'watchdog': 0.0})

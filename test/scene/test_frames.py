@@ -265,6 +265,18 @@ def test_buffer_is_bounded():
     assert 1000 <= len(track.stamps) == len(track.links) <= 1004
 
 
+@pytest.mark.parametrize('step', (1, -1), ids=('newer', 'older'))
+def test_flood_of_transforms_is_bounded(step):
+    """A frame that is sent far too often keeps its newest transforms."""
+    buffer = Frames(10 * SECOND)
+    stamps = range(START, START + 50_000)[::step]
+    buffer.insert('odom', 'base', START + 50_000, (0.0, 0.0, 0.0, *UPRIGHT))
+    for k in stamps:
+        buffer.insert('odom', 'base', k, (0.0, 0.0, 0.0, *UPRIGHT))
+        assert len(buffer._moving['base'].stamps) <= 20_001
+    assert buffer._moving['base'].stamps[-1] == START + 50_000
+
+
 def test_late_transform_prunes_the_buffer():
     """As in tf2, whether the late one is accepted or not: 1 s is more than 10 s before 20 s."""
     for late in (19, 5):

@@ -16,15 +16,12 @@
 Decodes serialised messages in place, with every length checked.
 
 Of geometry_msgs PolygonStamped, PolygonInstanceStamped and TwistStamped, of polygon_msgs
-Polygon2DStamped and Polygon2DCollection, of nav_msgs Odometry, of tf2_msgs TFMessage. Polygons of
-geometry_msgs are read in this machine's byte order: one that does not match to the byte goes to
-the decoder of rclpy, or without ROS to that of rosbags. Others are read in either.
-What no decoder can account for to the byte raises a MessageError.
+Polygon2DStamped and Polygon2DCollection, of nav_msgs Odometry, of tf2_msgs TFMessage; in either
+byte order. What cannot be accounted for to the byte raises a MessageError.
 """
 
 from __future__ import annotations
 
-from array import array
 import struct
 import sys
 from typing import Any, Literal, TypeAlias
@@ -63,7 +60,7 @@ _ODOMETRY_SIZE = 8 * 2 * 36 + 8 * (7 + 6)
 _TWIST_SIZE = 8 * 6
 _TWIST_COVARIANCE_SIZE = 8 * 36
 _SECOND = 1_000_000_000
-_MAX_SHOWN = 200
+_NOT_UTF8 = 'a frame name is not UTF-8'
 
 # Decoded names of frames, kept because they repeat. Where a message is cut off within a name, its
 # transform is beyond the end, which is checked.
@@ -91,7 +88,7 @@ def decode(data: bytes, instance: bool) -> tuple[int, str, Points, int | None]:
     """
     size = len(data)
     if size < _HEADER_SIZE:
-        return _decode_with_library(data, instance)
+        raise MessageError(f'{size} bytes where the header alone needs {_HEADER_SIZE}')
     encapsulation, seconds, nanoseconds, length = _read_header(data)
     text_end = _HEADER_SIZE + length
     count_at = (text_end + 3) & ~3
@@ -99,7 +96,7 @@ def decode(data: bytes, instance: bool) -> tuple[int, str, Points, int | None]:
     # The first NUL must be the last byte of the string.
     if (encapsulation != _OWN_CDR or length == 0 or points_at > size
             or data.find(b'\0', _HEADER_SIZE, text_end) != text_end - 1):
-        return _decode_with_library(data, instance)
+        return _decode_in_either_order(data, instance)
     count, = _read_count(data, count_at)
     end = points_at + count * POINT_SIZE
     identity = None
@@ -112,11 +109,27 @@ def decode(data: bytes, instance: bool) -> tuple[int, str, Points, int | None]:
     _check_size(data, end)
     try:
         frame_id = data[_HEADER_SIZE:text_end - 1].decode()
-    except UnicodeDecodeError:
-        return _decode_with_library(data, instance)
+    except UnicodeDecodeError as error:
+        raise MessageError(_NOT_UTF8) from error
     if nanoseconds >= _SECOND:
         raise _too_many_nanoseconds(nanoseconds)
     return seconds * _SECOND + nanoseconds, frame_id, (data, points_at, count, TRIPLE), identity
+
+
+def _decode_in_either_order(data: bytes, instance: bool) -> tuple[int, str, Points, int | None]:
+    """Return the same as `decode`, with points in this machine's byte order."""
+    try:
+        order, stamp, frame_id, end = _read_either_header(data)
+        start = ((end + 3) & ~3) + COUNT_SIZE
+        count, = order.count(data, start - COUNT_SIZE)
+    except struct.error as error:
+        raise MessageError('ends before its points do') from error
+    end = start + count * POINT_SIZE
+    id_at = ((end - 4 + 7) & ~7) + 4
+    _check_size(data, id_at + _ID_SIZE if instance else end)
+    identity = order.identity(data, id_at)[0] if instance else None
+    points = np.frombuffer(data, f'{order.sign}f4', TRIPLE * count, start).astype(np.float32)
+    return stamp, frame_id, (points.tobytes(), 0, count, TRIPLE), identity
 
 
 def decode_polygon_2d(data: bytes) -> tuple[int, str, Points, None]:
@@ -192,67 +205,13 @@ def _check_size(data: bytes, expected: int) -> None:
         raise MessageError(f'{len(data)} bytes where the contents need {expected}')
 
 
-def _decode_with_library(data: bytes, instance: bool) -> tuple[int, str, Points, int | None]:
-    """
-    Decode with rclpy or rosbags; return the same as `decode`.
-
-    rclpy's decoder accepts what a monitor must not: for a point count beyond the end of the
-    message it returns no points at all, and it ignores extra bytes. So its result must encode to
-    as many bytes again, and have as many points as the bytes state. It also writes a line to
-    standard error for each length beyond the end, so lengths are checked first.
-    """
-    _check_lengths(data, instance)
-    try:
-        from sat_collision.messages import interfaces
-    except ImportError as error:
-        raise MessageError(f'only rclpy or rosbags could read this encoding: {error}') from error
-    kind = interfaces.PolygonInstanceStamped if instance else interfaces.PolygonStamped
-    try:
-        message = interfaces.deserialize(data, kind)
-    except Exception as error:  # rclpy's own error class is private, rosbags raises any
-        raise MessageError(f'not decodable: {str(error)[:_MAX_SHOWN]!r}') from error
-    frame_id = message.header.frame_id
-    if '\N{REPLACEMENT CHARACTER}' in frame_id:
-        raise MessageError('frame_id is not UTF-8')
-    _check_size(data, len(interfaces.serialize(message)))
-    polygon = message.polygon.polygon if instance else message.polygon
-    points = polygon.points
-    count_at = (_HEADER_SIZE + len(frame_id.encode()) + 1 + 3) & ~3
-    stated = data[count_at:count_at + COUNT_SIZE]
-    if len(points) not in (int.from_bytes(stated, 'little'), int.from_bytes(stated, 'big')):
-        raise MessageError('the points end before their stated number')
-    stamp = message.header.stamp
-    if stamp.nanosec >= _SECOND:
-        raise _too_many_nanoseconds(stamp.nanosec)
-    coordinates = array('f', [number for p in points for number in (p.x, p.y, p.z)]).tobytes()
-    return (stamp.sec * _SECOND + stamp.nanosec, frame_id, (coordinates, 0, len(points), TRIPLE),
-            message.polygon.id if instance else None)
-
-
-def _check_lengths(data: bytes, instance: bool) -> None:
-    """Raise MessageError if lengths, in the message's own byte order, do not make its size."""
-    if len(data) < _HEADER_SIZE:
-        raise MessageError(f'{len(data)} bytes where the header alone needs {_HEADER_SIZE}')
-    order: Literal['little', 'big'] = 'little' if data[1] & 1 else 'big'
-
-    def number(start: int) -> int:
-        return int.from_bytes(data[start:start + COUNT_SIZE], order)
-    length = number(_HEADER_SIZE - COUNT_SIZE)
-    points_at = ((_HEADER_SIZE + length + 3) & ~3) + COUNT_SIZE
-    if points_at > len(data):
-        raise MessageError(f'a frame_id of {length} bytes in a message of {len(data)}')
-    end = points_at + number(points_at - COUNT_SIZE) * POINT_SIZE
-    if instance:
-        end = ((end - 4 + 7) & ~7) + 4 + _ID_SIZE
-    _check_size(data, end)
-
-
 class _Order:
     """Readers of the numbers of one byte order."""
 
     def __init__(self, sign: str) -> None:
         self.sign = sign
         self.count = struct.Struct(f'{sign}I').unpack_from
+        self.identity = struct.Struct(f'{sign}q').unpack_from
         self.head = struct.Struct(f'{sign}iII').unpack_from
         self.transform = struct.Struct(f'{sign}7d').unpack_from
         self.twist = struct.Struct(f'{sign}2d24x1d').unpack_from
@@ -362,7 +321,7 @@ def _name(text: bytes, length: int) -> str:
     try:
         name = text[:-1].decode()
     except UnicodeDecodeError as error:
-        raise MessageError('a frame name is not UTF-8') from error
+        raise MessageError(_NOT_UTF8) from error
     if len(_names) >= _MAX_NAMES:
         _names.clear()
     _names[text] = name

@@ -113,6 +113,7 @@ def test_points_can_be_changed_live(declare):
         (1.0, 2.0), '[[1, 2], [3, 4]]', (5.0, 6.0)]
     for name, value, words in (
             ('points', [1.0, 2.0, 3.0], 'footprint.points has 3 numbers'),
+            ('points', f'[[{10**400}, 0], [1, 1]]', 'a string must have the form'),
             ('points', '[[0, 0], [1, 1], [1, 0], [0, 1]]', 'footprint.points are not a simple'),
             ('radius', 1.0, 'are both given'), ('points', '', 'footprint.frame_id is for an'),
             ('points', True, 'must be a string or an array of numbers')):

@@ -35,7 +35,7 @@ from sat_collision.messages.rejections import (
     detail_of, EMPTY_FRAME_ID, LONG_FRAME_ID, Rejection, UNDECODABLE)
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.scene.frames import LONGEST_FRAME_ID, Mapped, NoTransform
-from sat_collision.scene.obstacle_store import Polygons, Shape
+from sat_collision.scene.obstacle_store import Followed, Polygons, Shape
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import (
     CommandSettings, EACH_MESSAGE, EMPTY_POLYGON, FootprintSettings, NEVER, ObstacleSettings,
@@ -213,7 +213,7 @@ class Ingest:
                 stamp = min(stamp, now)
             frame_id = sent_in
             affine: Affine2D | None = None
-            origin = sent = None
+            origin, followed = None, ''
             if points[2] and not 0 < len(frame_id) <= LONGEST_FRAME_ID:
                 return self.refuse(settings, *_fault_of(frame_id), now, stamp, instance, number)
             if self._transforms and frame_id != self._fixed and points[2]:
@@ -233,11 +233,10 @@ class Ingest:
                     scene.track(name, vertices_of(points, affine))
             else:
                 if affine and not settings.timeout:
-                    sent = sent_in, points
-                obstacle = self._shape(settings, points, affine, sent) if points[2] else None
-                refusal = scene.obstacle(name, obstacle, frame_id, stamp, now, instance, number,
-                                         sent)
-                if sent and affine and (
+                    followed = sent_in
+                obstacle = self._shape(settings, points, affine, followed) if points[2] else None
+                refusal = scene.obstacle(name, obstacle, frame_id, stamp, now, instance, number)
+                if followed and affine and (
                         self._followed.setdefault(name, {}).get(sent_in) != affine):
                     self._followed[name][sent_in] = affine
                     self.follow_maps(now)
@@ -293,7 +292,7 @@ class Ingest:
                 else:
                     affine = found.affine
             if not refusal:
-                body = self._shape(settings, points, affine, None)
+                body = self._shape(settings, points, affine)
         except MessageError:
             refusal = UNDECODABLE
         except PolygonError as error:
@@ -319,10 +318,14 @@ class Ingest:
         return stamp or NEVER if settings.timeout else NEVER
 
     def _shape(self, settings: ObstacleSettings, points: Any, affine: Affine2D | None,
-               sent: tuple[str, Any] | None) -> Shape:
-        """Return what a message with points places, valid until the next call."""
+               followed: str = '') -> Shape:
+        """Return what a message with points places, in a frame to follow, until the next call."""
+        def packed(one: Points) -> PackedBody | Followed:
+            body = self._packer.pack(one, affine or UNMOVED)
+            return Followed(body, (followed, one)) if followed else body
+
         if settings.type != POLYGON_COLLECTION:
-            return self._packer.pack(points, affine or UNMOVED)
+            return packed(points)
         data, spans, _, step = points
         self._refused.clear()
 
@@ -330,14 +333,13 @@ class Ingest:
             return (data, spans, first, IN_ONE_MESSAGE, affine or UNMOVED,
                     self._packer.max_vertices, self._packer.array)
 
-        def body(k: int) -> tuple[PackedBody | None, str | None, Any]:
-            one = data, int(spans[2 * k]), int(spans[2 * k + 1]), step
+        def body(k: int) -> tuple[PackedBody | Followed | None, str | None]:
             try:
-                return self._packer.pack(one, affine or UNMOVED), None, sent and (sent[0], one)
+                return packed((data, int(spans[2 * k]), int(spans[2 * k + 1]), step)), None
             except PolygonError as error:
                 self._refused.append((k, error))
-                return None, error.reason.value, None
-        return Polygons(len(spans) // 2, None if sent else run, body)
+                return None, error.reason.value
+        return Polygons(len(spans) // 2, None if followed else run, body)
 
     def follow_maps(self, now: int) -> None:
         """Place maps anew whose frames have moved; one whose frame is not known is not known."""

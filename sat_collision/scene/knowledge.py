@@ -27,7 +27,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any, cast, NamedTuple
+from typing import cast, NamedTuple
 
 from sat_collision.geometry.polygon import PackedBody
 from sat_collision.scene.obstacle_store import (
@@ -62,7 +62,6 @@ class Message(NamedTuple):
     frame_id: str = ''
     refusal: str | None = None  # why it is refused
     instance: int | None = None  # the obstacle's id, of a source that gives ids
-    sent: Any = None  # what a map needs to be placed anew
 
 
 class Knowledge:
@@ -200,8 +199,8 @@ class Listings(Knowledge):
         if self._end == EACH_MESSAGE:
             self._open.is_sound = self._replaces(message)
         group = self.group_for(message, now)
-        refusal = message.refusal or group.take(message.body, message.frame_id, message.time,
-                                                message.instance, message.sent)
+        refusal = message.refusal or group.take(
+            message.body, message.frame_id, message.time, message.instance)
         if refusal:
             self.refuse(refusal, now)
         if self._end == EACH_MESSAGE:

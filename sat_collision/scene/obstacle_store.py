@@ -20,7 +20,7 @@ from collections import Counter, OrderedDict
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import chain, takewhile
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from sat_collision.geometry.jit import indexable
@@ -36,18 +36,25 @@ TOO_MANY = 'too many obstacles'
 _MAX_SPARE = 100
 
 
+class Followed(NamedTuple):
+    """A body of a map in another frame, which moves with that."""
+
+    body: PackedBody
+    sent: tuple[str, Any]  # that frame, and what is needed to place it anew
+
+
 @dataclass(frozen=True, slots=True)
 class Polygons:
     """The polygons of a message that has all that a source sees."""
 
     count: int
     run: Callable[[int], Run] | None  # those from one on; None where each is placed by itself
-    # The body of one, why it is refused, and what is needed to place it anew.
-    body: Callable[[int], tuple[PackedBody | None, str | None, Any]]
+    # The body of one, and why it is refused.
+    body: Callable[[int], tuple[PackedBody | Followed | None, str | None]]
 
 
 # What a message places.
-Shape: TypeAlias = PackedBody | Polygons
+Shape: TypeAlias = PackedBody | Followed | Polygons
 
 
 class ObstacleStore:
@@ -205,14 +212,17 @@ class SetGroup(ObstacleGroup):
         return count
 
     def take(self, body: Shape | None, frame_id: str, time: int,
-             instance: int | None = None, sent: Any = None) -> str | None:
+             instance: int | None = None) -> str | None:
         """
         Take an obstacle; return TOO_MANY if there is no room for it.
 
-        It is named by its id, without one by its place; `sent` is what is needed to place it anew.
+        It is named by its id, without one by its place.
         """
         if isinstance(body, Polygons):
             return self._take_all(body, frame_id, time)
+        sent = None
+        if isinstance(body, Followed):
+            body, sent = body
         place = self._taken
         if place >= self._store.max_count:
             return TOO_MANY
@@ -239,8 +249,8 @@ class SetGroup(ObstacleGroup):
                 k += self.take_run(polygons.run(k), self._store.max_count - self._taken, frame_id,
                                    time)
             if k < polygons.count:
-                body, refusal, sent = polygons.body(k)
-                refusal = self.take(body, frame_id, time, None, sent) or refusal
+                body, refusal = polygons.body(k)
+                refusal = self.take(body, frame_id, time) or refusal
                 problem = refusal if refusal is TOO_MANY else problem or (
                     refusal and f'polygon {k}: {refusal}')
                 k += 1
@@ -349,7 +359,7 @@ class KeyedGroup(ObstacleGroup):
         return refusal
 
     def stamped(self, instance: int, stamp: int) -> Obstacle | None:
-        """Return where the newest stamp of an id says it is, if that is this one, and one place."""
+        """Return where the newest stamp of an id says it is, if that is this one, at one place."""
         held = self._held.get(instance, [])
         return held[0] if [one.stamp for one in held].count(stamp) == 1 and (
             held[0].stamp == stamp) else None

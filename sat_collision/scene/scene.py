@@ -230,14 +230,12 @@ class Scene(SceneView):
             self._evaluate()
 
     def obstacle(self, name: str, body: Shape | None, frame_id: str, stamp: int, now: int,
-                 instance: int | None = None, number: int | None = None,
-                 sent: Any = None) -> str | None:
+                 instance: int | None = None, number: int | None = None) -> str | None:
         """
         Receive a message of a source of obstacles, with the obstacle's id if the source gives ids.
 
-        The body of an empty polygon is None. What `follow_frame` needs to place a body anew is
-        `sent`. Return the reason if the message is refused: FROM_FUTURE, OTHER_FRAME, TOO_MANY or
-        TOO_OLD.
+        The body of an empty polygon is None. Return the reason if the message is refused:
+        FROM_FUTURE, OTHER_FRAME, TOO_MANY or TOO_OLD.
         """
         if now != self._now:
             self.pass_time(now)
@@ -256,7 +254,7 @@ class Scene(SceneView):
             if body is not None and self.frame_id and frame_id != self.frame_id:
                 refused = OTHER_FRAME
         refusal = source.receive(None if refused else body, frame_id, read, now, instance, number,
-                                 refused, sent)
+                                 refused)
         if read is None:
             refusal = FROM_FUTURE
         due = (source.deadline if source.timeout == NEVER else

@@ -266,14 +266,14 @@ class Source:
                              if isinstance(group, SetGroup)))
 
     def receive(self, body: Shape | None, frame_id: str, stamp: int | None, now: int,
-                instance: int | None, number: int | None, refusal: str | None = None,
-                sent: Any = None) -> str | None:
+                instance: int | None, number: int | None,
+                refusal: str | None = None) -> str | None:
         """
         Receive a message; return the reason if it is refused, by the caller or here.
 
         The body of an empty polygon, or of a message that the caller refuses, is None; so is a
         stamp that could not be read or cannot be trusted. One past its timeout counts, but makes
-        nothing known, and TOO_OLD is returned. What a map needs to be placed anew is `sent`.
+        nothing known, and TOO_OLD is returned.
         """
         time = min(stamp or now, now)
         is_old = time + self.timeout < now
@@ -281,7 +281,7 @@ class Source:
             self._is_far = is_old and (self._is_far or now - time > FAR)
         if self._mixed is not None:
             if body is not None:
-                self._mixed.take(body, frame_id, time, sent=sent)
+                self._mixed.take(body, frame_id, time)
             return refusal
         # The start of a map may be kept by its publisher, unless this is all that it keeps.
         wants_history = self.knowledge.wants_history or not self.stream.is_new
@@ -299,7 +299,7 @@ class Source:
             knowledge.refuse(refusal, now, is_read=False)
         else:
             message = Message(news, stamp or now, time, bool(stamp), body, frame_id, refusal,
-                              instance, sent)
+                              instance)
             if body is None and not refusal:
                 knowledge.end(message, now)
             else:

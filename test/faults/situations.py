@@ -503,6 +503,7 @@ _DEADLINES = {
     'obstacles': ['obstacle', *(f'late{k}' for k in range(_LATE))],
     **{f'qos_overrides./late{k}.subscription.deadline': 50_000_000 for k in range(_LATE)},
     **{f'late{k}.timeout': 60.0 for k in range(_LATE)}, 'obstacle.timeout': 60.0,
+    **{f'late{k}.set_end': 'empty_polygon' for k in range(_LATE)},
     'obstacle.topic': 'obstacles',
     'qos_overrides./obstacles.subscription.liveliness': 'automatic',
     'qos_overrides./obstacles.subscription.liveliness_lease_duration':

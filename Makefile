@@ -40,10 +40,10 @@ EVALUATIONS ?= 1e7
 adversary: $(VENV)/test.stamp
 	PYTHONPATH=.:test/support $(BIN)/python test/geometry/adversary.py --evaluations $(EVALUATIONS)
 
-# What can happen around one source, every order of DEPTH events and random RUNS:
-# make knowing DEPTH=3 RUNS=1e3
-DEPTH ?= 4
-RUNS ?= 1e5
+# What can happen around one source, every order of DEPTH events and random RUNS in each form:
+# make knowing DEPTH=1 RUNS=1e3
+DEPTH ?= 2
+RUNS ?= 13e3
 knowing: $(VENV)/test.stamp
 	PYTHONPATH=test/support $(BIN)/python test/scene/knowing.py --depth $(DEPTH) --runs $(RUNS)
 

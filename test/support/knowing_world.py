@@ -13,127 +13,159 @@
 # limitations under the License.
 
 """
-A world of publishers, lossy channels and clocks around one source: docs/knowing.md.
+A world of publishers, lossy channels, transforms and clocks around one source: docs/knowing.md.
 
-The source is the real one, the geometry is not: a body is 'T', which touches the footprint, 'F',
-which is far, or 'M', which comes nearer. The world knows what was sent and what was delivered. By
-that it decides in each state whether the promises of a source hold: whether clear and the time to
-collision are right, and whether the source becomes known again.
+The monitor is the real one. A body is 'T', which touches the footprint, 'F', which is far, 'M',
+which is far and comes nearer, None for an empty polygon, 'R' for one that is refused, or 'U' for
+bytes that cannot be read. The world knows what was sent and what was delivered. By that it decides
+in each state whether the footprint may be clear, whether its time to collision is right, and
+whether the source becomes known again once all faults end. Times are in ns.
 """
 
 from dataclasses import replace
-import math
+from functools import cache
+from math import inf
+from typing import NamedTuple
 
-import numpy as np
-from sat_collision.geometry.polygon import Polygon
-from sat_collision.scene.footprints import Footprint
-from sat_collision.scene.prediction import predict
+from builders import box, collection, SECOND, serialised, transforms
+from sat_collision.monitor import Monitor
+from sat_collision.scene.footprints import Status
 from sat_collision.scene.settings import (
-    FootprintSettings, ObstacleSettings, POLYGON, POLYGON_INSTANCE)
-from sat_collision.scene.sources import Source
+    EACH_MESSAGE, EMPTY_POLYGON, FootprintSettings, NEVER, NEW_STAMP, NONE, ObstacleSettings,
+    POLYGON, POLYGON_COLLECTION, POLYGON_INSTANCE, Settings)
 from sat_collision.scene.streams import Endpoint
-from sat_collision.scene.velocity import TRANSFORMS, Velocity
 
-SECOND = 10**9
-TIMEOUT = 8
-PERIOD = 2
-SETTLE = 2
-# The age of an older stamp, in ns.
-_BACK = SECOND // 2
-START = 1000
-# The distance of a far body from the footprint, which does not move, in m; the speed of one that
-# comes nearer, in m/s; and how far apart two messages must and may be for a velocity, in ns.
-FAR = 50.0
-SPEED = 0.25
-_MIN_APART, _MAX_APART = SECOND // 100, 2 * SECOND
-HORIZON = 1e4
+TIMEOUT = 8 * SECOND
+TOLERANCE = SECOND
+PERIOD = 2 * SECOND
+START = 1000 * SECOND
+# A transform may come so late.
+TRANSFORM_TIMEOUT = 3 * SECOND // 2
+# A map may be known for so long while the next one is open.
+LONGEST_OPEN = SECOND
+# A clock that stands does so for no longer.
+STANDS = SECOND
+MAX_COUNT = 3
+# How many messages a publisher of maps keeps: a mark, and two listings with theirs.
+DEPTH = 2 * MAX_COUNT + 1
 
-MODES = ('sets', 'ended sets', 'ids', 'maps')
-
-
-class Bodies:
-    """The contacts of a source, almost without geometry: the distance of each obstacle."""
-
-    changed = frozenset()
-    margin = 0.0
-
-    def __init__(self):
-        self.placed = {}
-
-    def place_obstacle(self, obstacle, body):
-        obstacle.row = 0
-        obstacle._polygon = Polygon([(body, 0.0)])
-        self.placed[obstacle] = body
-
-    def remove_obstacle(self, obstacle):
-        obstacle.row = obstacle._polygon = None
-        self.placed.pop(obstacle, None)
-
-    def hide_obstacles(self, group, rows):
-        self.placed = {one: body for one, body in self.placed.items() if one.group is not group}
-
-    def first_contact(self, footprint, velocity, seconds, courses):
-        first = None
-        for obstacle in self.placed:
-            polygon, (speed, _) = courses.get(obstacle, (obstacle.polygon, (0.0, 0.0)))
-            time = time_of(polygon.vertices[0, 0], speed)
-            if time <= min(seconds, first[1] if first else math.inf):
-                first = obstacle, time
-        return first
+MOVING, CORRECTED = 'moving', 'corrected'
 
 
-def time_of(place, speed):
-    """Return when a body at a distance and with a speed reaches the footprint."""
-    return 0.0 if place <= 0.0 else place / -speed if speed < 0.0 else math.inf
+class Mode(NamedTuple):
+    """What the publisher means, as its source is configured."""
+
+    set_end: str
+    type: str = POLYGON  # noqa: A003, the parameter's name
+    is_map: bool = False
+    frame: str = ''  # whether bodies wait for a frame that moves, or are in one that is corrected
+    stamps: tuple = ('own', 'stand', 'back', 'ahead', 'zero')
+    has_numbers: bool = True  # whether the middleware numbers messages
+
+    @property
+    def is_refreshed(self):
+        return self.set_end == NONE
+
+
+MODES = {
+    'unmarked': Mode(NONE),
+    'marked': Mode(EMPTY_POLYGON),
+    'marked, own stamps': Mode(EMPTY_POLYGON, stamps=()),
+    'new stamp': Mode(NEW_STAMP, stamps=('back', 'ahead')),
+    'each message': Mode(EACH_MESSAGE, stamps=('stand', 'back', 'ahead', 'zero')),
+    'ids': Mode(NONE, POLYGON_INSTANCE),
+    'marked ids': Mode(EMPTY_POLYGON, POLYGON_INSTANCE),
+    'marked, no numbers': Mode(EMPTY_POLYGON, has_numbers=False),
+    'collections': Mode(EACH_MESSAGE, POLYGON_COLLECTION),
+    'collections, no numbers': Mode(EACH_MESSAGE, POLYGON_COLLECTION, has_numbers=False),
+    'marked maps': Mode(EMPTY_POLYGON, POLYGON_INSTANCE, True,
+                        stamps=('own', 'back', 'ahead', 'zero', 'reset')),
+    'maps of one': Mode(EACH_MESSAGE, is_map=True, stamps=('back', 'ahead', 'zero', 'reset')),
+    'maps in a frame': Mode(EMPTY_POLYGON, is_map=True, frame=CORRECTED, stamps=('reset',)),
+    'maps as collections': Mode(EACH_MESSAGE, POLYGON_COLLECTION, True, frame=CORRECTED,
+                                stamps=('back', 'zero', 'reset')),
+    'unmarked, waiting': Mode(NONE, frame=MOVING, stamps=('back',)),
+    'marked, waiting': Mode(EMPTY_POLYGON, frame=MOVING, stamps=('back',)),
+    'collections, waiting': Mode(EACH_MESSAGE, POLYGON_COLLECTION, frame=MOVING,
+                                 stamps=('back',)),
+    'ids, waiting': Mode(NONE, POLYGON_INSTANCE, frame=MOVING, stamps=('back',)),
+}
+
+# How far away 'F' is, in m, and the speed of 'M', which was there at the start, in m/s. Two
+# messages so far apart give a velocity, in s, which lasts as long.
+_FAR = 49.0
+_SPEED = 0.1
+_MIN_APART, _MAX_APART = 0.01, 2.0
+# The rounding of a time to collision, in s.
+_ROUNDING = 1e-2
+_PLACES = {'T': box(0.0), 'F': box(1.0 + _FAR), None: [], 'R': [(0, 0), (1, 1), (1, 0), (0, 1)]}
+# Where the frame of a map is corrected to, all that was far touches, and the other way round.
+_CORRECTION = -50.0
+
+
+@cache
+def _bytes_of(body, stamp, frame_id='map', key=None, is_collection=False, place=0.0):
+    if body == 'M':
+        data = serialised(box(1.0 + place), stamp, frame_id, key)
+    elif is_collection:
+        data = collection([_PLACES[one] for one in body or '' if one != 'U'], stamp, frame_id)
+    else:
+        data = serialised(_PLACES['F' if body == 'U' else body], stamp, frame_id, key)
+    return data[:-3] if body == 'U' else data
+
+
+def _stamp_of(message):
+    return message.stamp or message.arrival
 
 
 class Message:
-    """
-    A message as it was sent; body is 'T', 'F', 'M', None for an empty polygon, or a refusal.
+    """A message as it was sent, and what has become of it."""
 
-    `place` is its distance; `time`, once delivered, when it counts from.
-    """
-
-    def __init__(self, number, stamp, body, key, listing):
+    def __init__(self, publisher, number, stamp, body, key):
+        self.publisher = publisher
         self.number = number
         self.stamp = stamp
         self.body = body
         self.key = key
-        self.listing = listing
-        self.is_delivered = False
-        self.order = 0
-        self.place = {'T': 0.0, 'F': FAR, 'M': FAR - SPEED * (stamp / SECOND - START)}.get(body)
+        self.listing = publisher.listing
+        self.place = 0.0  # the distance of its body from the footprint, in m
+        self.epoch = 0  # of the clocks, when it was sent
+        self.order = 0  # among all that was delivered, 0 if it was not
+        self.time = 0  # that it counts from
+        self.arrival = self.epoch_in = 0
+        # Or because it is from the future.
+        self.is_refused = bool({*(body or '')} & {*'RU'}) or len(body or '') > MAX_COUNT
+        self.placed_by = NEVER  # when its transform had come; it waits until then
 
 
 class Publisher:
     """
     A process that publishes: what it has sent, what is in transit, and what it will send.
 
-    One that starts numbering at a higher number is a second instance of the same node.
+    It sees a body that touches, or does not, and sends what it sees within each timeout.
     """
 
-    def __init__(self, gid, node, numbers_from):
+    def __init__(self, gid, node, now, number=0, is_second=False):
         self.gid = gid
         self.node = node
-        self.number = numbers_from
-        self.is_alive = True
+        self.number = number
+        self.is_second = is_second
+        self.begun = now
+        self.is_alive = self.sees = True
+        self.refreshed = now  # when it sent the body that it sees, by the steady clock
         self.sent = []
         self.queue = []
         self.plan = []
         self.listing = 0
-        self.refreshed = {}
-        self.is_beside_others = False
-
-    def send(self, stamp, body, key):
-        self.number += 1
-        message = Message(self.number, stamp, body, key, self.listing)
-        self.sent.append(message)
-        self.queue.append(message)
-        return message
+        self.complete = set()  # listings of which all was sent
+        self.stamps = ''
+        self.is_named = True
+        self.is_beside_others = False  # whether something came while others were there
+        self.is_joined = False  # whether anything came since it was subscribed to
 
     @property
     def delivered(self):
-        return [one for one in self.sent if one.is_delivered]
+        return [one for one in self.sent if one.order]
 
 
 class World:
@@ -144,83 +176,94 @@ class World:
     ----------
     mode : str
         One of MODES.
-    source : type, optional
-        The class of the source.
 
     """
 
-    def __init__(self, mode, source=Source):
-        self.mode = mode
-        self.now = START
-        self.bodies = Bodies()
-        self.source = source(ObstacleSettings(
-            'obstacle', '/obstacles', set_window=0.0,
-            type=POLYGON_INSTANCE if mode in ('ids', 'maps') else POLYGON,
-            timeout=0.0 if mode == 'maps' else float(TIMEOUT),
-            settle_time=float(SETTLE), moving=mode == 'ids'), self.bodies)
-        self.footprint = Footprint(FootprintSettings('robot', '/robot', timeout=0.0))
+    def __init__(self, mode):
+        self.mode = MODES[mode]
+        self.moves = mode == 'ids'
+        self.own_stamps = mode == 'marked, own stamps'
+        self.now = self.steady = START
+        self.settings = Settings(
+            (FootprintSettings('robot', '/robot', timeout=0.0),),
+            (ObstacleSettings(
+                'obstacle', '/obstacles', self.mode.type, self.mode.set_end,
+                timeout=0.0 if self.mode.is_map else TIMEOUT / SECOND,
+                assume_no_loss=not self._may_lose, moving=self.moves,
+                max_count=5 * MAX_COUNT if self.mode.is_refreshed else MAX_COUNT),),
+            frame_id='map', transform_timeout=TRANSFORM_TIMEOUT / SECOND, max_tf_gap=1e3,
+            future_tolerance=TOLERANCE / SECOND, horizon=1e4)
+        self.monitor = Monitor(self.settings, transforms=True)
+        self.monitor.scene.tracks_motion = self.moves
         self.publishers = []
-        self.graph = []
-        self.known_graph = []
+        self.graph = []  # as the middleware has it
+        self.matched = []  # of which messages can be received
+        self.reported = []  # as the monitor was told
+        self.waits_since = []  # what was reported before something waited
         self.deliveries = 0
-        self.numbered = set()
+        self.epoch = 0
+        self.epoch_begun = -NEVER
+        self.placed_at = -NEVER  # the stamp of the newest transform
+        self.corrected = None  # whether the frame of a map is where it was corrected to
+        if self.mode.frame == MOVING:
+            self._transform()
         self.start('a')
-        self.do('news')
-        if mode == 'ids':
-            self._become_known()
-
-    def _become_known(self):
-        """Let the first publisher of ids be received for a whole timeout."""
-        own = self.publishers[0]
-        for _ in range(TIMEOUT + 1):
-            for key, body in ((1, 'T'), (2, 'F')):
-                self._send_body(own, key, body)
-                self._deliver(own)
-            self._tick()
+        self.do('matched:0')
 
     # --- what can happen
 
     def options(self):
         """Return the events that can happen now."""
         own, second = self.live(False), self.live(True)
-        if any(one.delivered and one not in self.known_graph for one in self.graph):
-            # A6: only number 1 may arrive before its publisher is announced.
-            return ['news']
-        options = [] if self.mode == 'maps' and self._is_busy() else ['tick', 'tick:3']
+        again = [k for k, one in enumerate(self.publishers) if one in self.matched and one.queue]
+        if self.source.stream.again_until < NEVER and again:
+            # What is sent again comes at once where it is not known up to which number.
+            return [f'all:{k}' for k in again]
+        options = ['tick', 'tick:3']
         if own is None:
             options += ['start:a', 'start:b']
         else:
             if own.plan:
                 options.append('send')
-            elif self.mode == 'ids':
-                options += ['key:T', 'key:F', 'key:M', 'key:other', 'key:refused',
-                            'key:unreadable', 'key:old', 'key:ahead']
+            elif self.mode.is_refreshed:
+                options += ['send:T', 'send:F', 'send:gone', 'send:R', 'send:U', 'send:empty']
+                options += ['send:0T', 'send:0F'] * (self.mode.type == POLYGON_INSTANCE)
+                options += ['send:M'] * self.moves
+            elif self.mode.set_end == EACH_MESSAGE:
+                options += [f'list:{bodies}' for bodies in ('F', 'T', 'R', 'U', '', *(
+                    ('FT', 'FR', 'FFFFT') if self.mode.type == POLYGON_COLLECTION else ()))]
             else:
-                options += [f'list:{bodies}' for bodies in ('F', 'FT', 'TF', 'R', 'U')]
-            # Settling assumes that a map is sent and received without a pause, or a death.
-            options += ['kill', 'end'] if self.mode != 'maps' or not self._is_busy() else []
+                options += [f'list:{bodies}' for bodies in (
+                    'F', 'FT', 'TF', 'FFT', 'R', 'U', '', 'FFFFT')]
+            if not own.plan:
+                options += [f'stamps:{one}' for one in ('', *self.mode.stamps)
+                            if one != own.stamps]
+            options += ['kill', 'end']
         if second is not None:
-            options.append('second:send')
-            if self.mode != 'maps' or not second.queue:
-                options.append('second:end')
+            options += ['second:F', 'second:T', 'second:end']
         elif not any(one.is_second for one in self.publishers):
-            options += ['second:start', 'second:namesake']
+            # A6: only numbers show that one of the same name lives.
+            options += ['second:start', 'second:namesake'][:1 + self.mode.has_numbers]
         for k, one in enumerate(self.publishers):
             if one.queue:
-                # The loss of a map's last message is noticed only if another one follows.
-                if self.mode != 'maps' or len(one.queue) > 1 or one.plan:
+                # Of a map that is kept, neither the first nor the last message is lost.
+                if self._may_lose and (
+                        not self.mode.is_map or one.is_joined and len(one.queue) > 1):
                     options.append(f'lose:{k}')
-                if one in self.known_graph or one.queue[0].number == 1:
-                    options.append(f'get:{k}')
-        if self.graph != self.known_graph:
+                if one in self.matched:
+                    options += [f'get:{k}', f'all:{k}']
+            if one in self.graph and one not in self.matched:
+                options += [f'matched:{k}', f'nameless:{k}'] + [f'mix:{k}'] * bool(one.queue)
+        if self._endpoints(self.graph) != self.reported:
             options.append('news')
         if any(not one.is_alive for one in self.graph):
             options.append('lease')
-        if self.mode in ('ended sets', 'maps'):
-            options.append('clock back')
-        if self.mode != 'maps':
-            options.append('timeout')
-        return options
+        if self.monitor.scene.wants_history('obstacle'):
+            options.append('renew')
+        if self.mode.frame:
+            options.append('transform')
+        options += ['clock:little', 'clock:back', 'clock:ahead']
+        return options if self.mode.is_map else [*options, 'timeout']
 
     def do(self, event):
         """Let an event happen."""
@@ -229,121 +272,205 @@ class World:
         if what == 'tick':
             for _ in range(int(detail or 1)):
                 self._tick()
-        elif what == 'send':
-            self._send(own)
         elif what == 'list':
             self._plan(own, detail)
             self._send(own)
-        elif what == 'key':
-            self._send_key(own, detail)
+        elif event == 'send':
+            self._send(own)
+        elif what == 'send':
+            self._send_body(own, detail)
+        elif what == 'stamps':
+            own.stamps = detail
         elif what in ('kill', 'end'):
             self._stop(own, is_orderly=what == 'end')
         elif what == 'start':
             self.start(detail)
-        elif event == 'second:start':
-            self.start('second', is_second=True)
-        elif event == 'second:namesake':
-            # It started earlier, hung, and has already sent many messages.
-            self.start('a', is_second=True)
-        elif event == 'second:send':
-            self._send_second()
+        elif event in ('second:start', 'second:namesake'):
+            # A namesake hung for long, and had sent many messages before.
+            is_namesake = event == 'second:namesake'
+            self.start('a' if is_namesake else 'second', 50 if is_namesake else 0, True)
         elif event == 'second:end':
             self._stop(self.live(True), is_orderly=True)
+        elif what == 'second':
+            self._send_second(self.live(True), detail)
         elif what == 'get':
-            self._deliver(self.publishers[int(detail)])
+            self._deliver(self.publishers[int(detail)], 1)
+        elif what == 'all':
+            one = self.publishers[int(detail)]
+            self._deliver(one, len(one.queue))
         elif what == 'lose':
             self.publishers[int(detail)].queue.pop(0)
+        elif what in ('matched', 'nameless'):
+            self.publishers[int(detail)].is_named = what == 'matched'
+            self._match(self.publishers[int(detail)])
+        elif what == 'mix':
+            self._mix(self.publishers[int(detail)])
         elif what == 'news':
-            self._update_graph()
+            self._report(self.graph, is_named=True)
         elif what == 'lease':
             for one in [one for one in self.graph if not one.is_alive]:
                 self._leave(one)
+        elif what == 'renew':
+            self._renew()
+        elif what == 'transform':
+            self._transform()
         elif what == 'timeout':
-            # To one that is too short for this publisher, or back.
-            settings = self.source.settings
-            self.source.configure(
-                replace(settings, timeout=TIMEOUT * 1.5 - settings.timeout), self.now * SECOND)
-        elif what == 'clock back':
-            self.now -= 1
-            self.source.set_back(self.now * SECOND)
+            self._toggle_timeout()
+        else:
+            self._set_clock(detail)
+
+    @property
+    def _may_lose(self):
+        """Whether a loss is noticed, or does no harm."""
+        return self.mode.has_numbers or self.mode.set_end == EACH_MESSAGE
 
     def live(self, is_second):
         """Return the publisher that lives, the second one or the other."""
         return next((one for one in self.publishers
                      if one.is_alive and one.is_second is is_second), None)
 
-    def start(self, node, is_second=False):
+    def start(self, node, number=0, is_second=False):
         """Start a publisher; messages of a dead one do not arrive after that."""
         for one in self.publishers:
             if not one.is_alive:
                 one.queue.clear()
-        gid = str(len(self.publishers))
-        publisher = Publisher(gid, f'/{node}', 50 if is_second and node == 'a' else 0)
-        publisher.is_second = is_second
+        publisher = Publisher(str(len(self.publishers)), f'/{node}', self.steady, number,
+                              is_second)
         self.publishers.append(publisher)
         self.graph.append(publisher)
 
+    # --- time
+
     def _tick(self):
-        self.now += 1
+        self.now += SECOND
+        self.steady += SECOND
         own = self.live(False)
-        if self.mode == 'ids' and own is not None:
-            for key, (body, stamp) in [*own.refreshed.items()]:
-                # A3: a publisher of ids refreshes each obstacle within the timeout.
-                if self.now * SECOND - stamp >= (TIMEOUT - 2) * SECOND:
-                    self._send_body(own, key, body)
-        self._pass_time()
+        if self.mode.is_refreshed and own is not None and own.sees and (
+                self.steady - own.refreshed >= TIMEOUT - 2 * SECOND):
+            # A2: what is seen is sent within each timeout.
+            self._send_body(own, 'T')
+        self._advance()
 
-    def _pass_time(self):
-        now = self.now * SECOND
-        if self.source.deadline < now:
-            self.source.pass_time(now)
+    def _advance(self):
+        self.monitor.advance(self.now)
+        self._note_waiting()
 
-    def _is_busy(self):
-        """Tell whether a map is in transit: maps are sent and delivered without a pause."""
-        return any(one.is_alive and (one.plan or one.queue) for one in self.publishers)
+    def _set_clock(self, how):
+        self.now += {'little': -SECOND // 2, 'back': -5 * SECOND, 'ahead': 5 * SECOND}[how]
+        if how != 'little':
+            self.epoch += 1
+            self.epoch_begun = self.now
+            if not self.mode.is_map:
+                self._drop_waiting()
+            self.placed_at = -NEVER
+        if how == 'ahead':
+            # The steady clock shows it.
+            self.monitor.set_clock(self.now)
+        self._advance()
+
+    def _toggle_timeout(self):
+        """Change to a timeout that is too short for this publisher, or back."""
+        source, = self.settings.obstacles
+        self.settings = replace(self.settings, obstacles=(
+            replace(source, timeout=1.5 * TIMEOUT / SECOND - source.timeout),))
+        self.monitor.update(self.settings)
+
+    def _transform(self):
+        """Let a transform of the frame of the bodies come; that of a map is corrected by each."""
+        if self.mode.frame == CORRECTED:
+            self.corrected = self.corrected is False
+            self.monitor.receive_transforms('/tf_static', transforms(
+                ('map', 'bodies', self.now, _CORRECTION * self.corrected, 0.0)), self.now)
+        else:
+            # Behind one that holds from long before.
+            begin = (self.now - 500 * SECOND,) if self.placed_at == -NEVER else ()
+            for stamp in (*begin, self.now):
+                self.monitor.receive_transforms('/tf', transforms(
+                    ('map', 'bodies', stamp, 0.0, 0.0)), self.now)
+            self.placed_at = self.now
+        self._note_waiting()
+
+    def _note_waiting(self):
+        """Note which messages have been placed since, and which news still wait."""
+        for one in self._delivered():
+            if one.placed_by == NEVER and self._has_place(one):
+                one.placed_by = self.now
+        if not self.monitor.waiting.counts():
+            self.waits_since.clear()
+
+    def _has_place(self, message):
+        if message.body is None or not self.mode.frame:
+            return True
+        if self.mode.frame == CORRECTED:
+            return self.corrected is not None
+        return message.stamp <= self.placed_at
+
+    # --- what publishers do
+
+    def _stamp(self, publisher, place=0):
+        """Return the stamp of a message, by its place in its listing."""
+        style = 'own' if self.own_stamps and not publisher.is_second else publisher.stamps
+        last = publisher.sent[-1].stamp if publisher.sent else 0
+        if style == 'stand' and 0 <= self.now - last <= STANDS:
+            return last
+        if self.mode.set_end == NEW_STAMP:
+            # One stamp for all of a set, and never that of the one before.
+            place = 0
+        return self.now + {
+            '': 0, 'stand': 0, 'own': 30_000_000 * place, 'ahead': 4 * TOLERANCE // 5,
+            'back': -(TOLERANCE // 2 + 30_000_000 * place), 'zero': -self.now,
+            'reset': -500 * SECOND}[style]
+
+    def _put(self, publisher, stamp, body, key):
+        publisher.number += 1
+        is_keyed = self.mode.type == POLYGON_INSTANCE
+        message = Message(publisher, publisher.number, stamp, body, key if is_keyed else None)
+        message.epoch = self.epoch
+        if body in ('F', 'M'):
+            message.place = _FAR - _SPEED * (body == 'M') * ((stamp or self.now) - START) / SECOND
+        publisher.sent.append(message)
+        publisher.queue.append(message)
 
     def _plan(self, publisher, bodies):
         publisher.listing += 1
-        stamp = self.now * SECOND + publisher.listing
-        publisher.plan = [(stamp, body) for body in bodies]
-        if self.mode == 'ended sets' or (self.mode == 'maps' and publisher.listing > 1):
-            publisher.plan.append((stamp, None))
+        is_collection = self.mode.type == POLYGON_COLLECTION
+        plan = [bodies] if bodies and is_collection else [*bodies] or [None]
+        if bodies and self.mode.set_end == EMPTY_POLYGON:
+            plan.append(None)
+        stamps = [self._stamp(publisher, place) for place in range(len(plan))]
+        if self.mode.set_end == NEW_STAMP:
+            # Another one than that of the set before.
+            stamps = [stamps[0] + publisher.listing] * len(plan)
+        publisher.plan = [*zip(stamps, plan)]
 
     def _send(self, publisher):
         stamp, body = publisher.plan.pop(0)
-        # In maps each obstacle of each listing has an id of its own.
-        publisher.send(stamp, body, publisher.number)
+        if body is None and self.mode.set_end == EMPTY_POLYGON:
+            stamp = self._stamp(publisher)
+        # The same ids come in each listing, and twice in one.
+        self._put(publisher, stamp, body, publisher.number % 2)
+        if not publisher.plan:
+            publisher.complete.add(publisher.listing)
 
-    def _send_body(self, publisher, key, body):
-        stamp = self.now * SECOND
-        publisher.refreshed[key] = body, stamp
-        publisher.send(stamp, body, key)
+    def _send_body(self, own, what):
+        body, key = what, 1 if what in 'TRUM' else 2
+        if what == 'gone':
+            own.sees = False
+            return
+        if what.startswith('0'):
+            body, key = what[1], 0
+        if what == 'empty':
+            body = None
+        if 'T' in what and not key or what == 'T':
+            own.sees, own.refreshed = True, self.steady
+        self._put(own, self._stamp(own), body, key)
 
-    def _send_key(self, own, detail):
-        stamp = self.now * SECOND
-        if detail in ('T', 'F', 'M'):
-            self._send_body(own, 1, detail)
-        elif detail == 'other':
-            self._send_body(own, 2, 'F')
-        elif detail == 'old':
-            own.send(stamp - _BACK, 'F', 1)
-        elif detail == 'ahead':
-            own.send(stamp + _BACK, 'F', 2)
-        else:
-            body = own.refreshed.get(1, ('F', 0))[0]
-            own.refreshed[1] = body, stamp
-            own.send(stamp, 'R' if detail == 'refused' else 'U', 1)
-
-    def _send_second(self):
-        second = self.live(True)
-        if self.mode == 'ids':
-            second.send(self.now * SECOND, 'F', 1)
-        else:
-            second.listing += 1
-            stamp = self.now * SECOND + second.listing
-            second.send(stamp, 'F', second.number)
-            if self.mode != 'sets':
-                second.send(stamp, None, None)
+    def _send_second(self, second, body):
+        second.listing += 1
+        self._put(second, self.now, body, 1)
+        if self.mode.set_end == EMPTY_POLYGON:
+            self._put(second, self.now, None, 1)
+        second.complete.add(second.listing)
 
     def _stop(self, publisher, is_orderly):
         publisher.is_alive = False
@@ -352,214 +479,335 @@ class World:
             self._leave(publisher)
 
     def _leave(self, publisher):
-        # A5: all that a publisher sent is received before its end is announced.
+        # A4: what a publisher sent is taken before the news of its end acts, or never.
         publisher.queue.clear()
         self.graph.remove(publisher)
+        if publisher in self.matched:
+            self.matched.remove(publisher)
 
-    def _update_graph(self):
-        self.known_graph = [*self.graph]
-        self.source.update_publishers(
-            [Endpoint(one.gid, one.node) for one in self.graph], self.now * SECOND)
-        self._renew()
+    # --- what the monitor is told
+
+    def _endpoints(self, publishers):
+        return [Endpoint(one.gid, one.node if one.is_named else '') for one in publishers]
+
+    def _report(self, publishers, is_named=False):
+        """Report the publishers of the topic; those that were not matched are from now on."""
+        for one in publishers:
+            one.is_named |= is_named
+        endpoints = self._endpoints(publishers)
+        if self.monitor.waiting.counts():
+            self.waits_since.append(self.told)
+        self.told = [*publishers]
+        self.matched = [one for one in publishers if one in self.graph]
+        self.reported = endpoints
+        self.monitor.update_publishers('obstacle', endpoints)
+
+    told = ()
+
+    def _match(self, publisher):
+        """Let the middleware count a publisher: it is told beside those that were."""
+        self._report([*self.told, *(one for one in (publisher,) if one not in self.told)])
+        self.monitor.interrupt('obstacle')
+
+    def _mix(self, publisher):
+        """Let a publisher be counted while a batch is taken that has messages of it, too."""
+        own = next((one for one in self.matched if one.queue), None)
+        batch = [one.queue.pop(0) for one in (own, publisher) if one]
+        self._match(publisher)
+        self._receive(batch, is_mixed=True)
 
     def _renew(self):
-        if self.source.wants_history and not self.source.stream.faults():
-            # A publisher of maps keeps what it has sent.
-            self.source.renew(self.now * SECOND)
-            own, = self.known_graph[-1:]
-            self.deliveries += 1
-            own.queue[:0] = [one for one in own.sent if one not in own.queue]
-            while own.queue:
-                self._deliver(own)
+        """Subscribe anew: each publisher sends again what it keeps."""
+        self._drop_waiting()
+        self.monitor.renew('obstacle')
+        for one in self.matched:
+            if one.is_alive:
+                one.is_joined = False
+                one.queue = one.sent[-DEPTH:]
 
-    def _deliver(self, publisher):
-        message = publisher.queue.pop(0)
-        message.is_delivered = True
-        publisher.is_beside_others |= self.known_graph != [publisher]
-        self.deliveries += 1
-        message.order = self.deliveries
-        source, now = self.source, self.now * SECOND
-        place, stamp, key = message.place, message.stamp, message.key
-        message.time = min(stamp, now)
-        if message.body == 'U':
-            stamp, key = None, None
-        refusal = {'U': 'unreadable', 'R': 'refused'}.get(message.body)
-        source.receive(place, 'map', stamp, now, key, message.number, refusal)
-        if self.mode == 'ids' and place is not None:
-            source.track(key, message.time, np.array([(place, 0.0)]))
+    def _drop_waiting(self):
+        """Let what waits not have been received."""
+        for one in self._delivered():
+            if one.placed_by == NEVER and self._waits(one):
+                one.order = 0
+
+    def _deliver(self, publisher, count):
+        while count:
+            batch = [publisher.queue.pop(0)]
+            count -= 1
+            while count and publisher.queue[0].number == batch[-1].number + 1:
+                batch.append(publisher.queue.pop(0))
+                count -= 1
+            self._receive(batch)
+
+    def _receive(self, batch, is_mixed=False):
+        for one in batch:
+            self.deliveries += 1
+            one.order = self.deliveries
+            one.publisher.is_joined = True
+            one.publisher.is_beside_others |= is_mixed or self.told != [one.publisher]
+            one.arrival, one.epoch_in = self.now, self.epoch
+            one.is_refused |= not self.mode.is_map and one.stamp > self.now + TOLERANCE
+            one.time = min(one.stamp or self.now, self.now)
+            one.placed_by = self.now if self._has_place(one) else NEVER
+        data = [_bytes_of(one.body, one.stamp, 'bodies' if self.mode.frame else 'map', one.key,
+                          self.mode.type == POLYGON_COLLECTION, one.place) for one in batch]
+        if is_mixed:
+            self.monitor.receive_mixed('obstacle', data, self.now)
+        else:
+            number = batch[0].number if self.mode.has_numbers else None
+            self.monitor.receive_batch('obstacle', data, self.now, number)
+        self._note_waiting()
 
     # --- what is right
 
     @property
     def is_clear(self):
-        """Whether the source gives no reason against clear, with the timeout that it needs."""
-        return self._has_timeout and not self.source.faults and all(self.bodies.placed.values())
+        """Whether the footprint is clear, with the timeout that the publisher knows."""
+        scene = self.monitor.scene
+        if not scene.footprints:
+            self.monitor.receive('robot', _bytes_of('T', 0), self.now)
+        return self._has_timeout and scene.status('robot') is Status.CLEAR
 
     @property
     def _has_timeout(self):
-        return self.source.settings.timeout in (0.0, TIMEOUT)
-
-    @property
-    def prediction(self):
-        """What is predicted of a footprint that stands."""
-        footprint, now = self.footprint, self.now * SECOND
-        footprint.time = now
-        footprint._polygon = Polygon([(0.0, 0.0)])
-        still = Velocity((0.0,) * 3, (0.0,) * 3, TRANSFORMS)
-        footprint.motion.place(now, np.zeros((1, 2)), still)
-        footprint.contacts = {one for one, place in self.bodies.placed.items() if not place}
-        footprint.evaluate(now, '', self.source.faults, 0)
-        return predict(footprint, self.bodies, [self.source], now, HORIZON)
+        source, = self.settings.obstacles
+        return source.timeout in (0.0, TIMEOUT / SECOND)
 
     def is_late(self):
-        """Tell whether a time to collision is really late, or given while unknown."""
-        found = self.prediction
-        if not (self._has_timeout and found and found.is_known) or found.seconds == 0.0:
+        """Tell whether a time to collision is later than the contact of what was received."""
+        if not self.moves or not self.is_clear:
             return False
-        if self.mode != 'ids':
-            return not self.may_be_clear()
-        counted = [one for one in self.known_graph if not self._is_ghost(one)]
-        newest = self._newest_ids(counted[0]) if len(counted) == 1 else None
-        return newest is None or any(
-            found.seconds > self._time_of(counted[0], message) + 1e-6
-            for message in newest.values())
+        for stamp in (self.now - SECOND // 10, self.now):
+            self.monitor.receive('robot', _bytes_of('T', stamp), self.now)
+        found = self.monitor.scene.prediction('robot')
+        return found.is_known and any(
+            found.seconds > self._time_to(message) + _ROUNDING
+            for message in self._held(self._delivered()) if message.body == 'M'
+            # What was told before, and what is forgotten, need not count.
+            and message.epoch_in == self.epoch and message.publisher is self.told[-1]
+            and _stamp_of(message) >= self.now - TIMEOUT)
 
-    def _time_of(self, one, last):
-        """Return when the obstacle of a message really reaches the footprint, -inf if unknown."""
-        before, taken = None, -math.inf
-        for message in one.delivered:
-            if message.key == last.key and message.time >= taken:
-                taken = message.time
-                is_apart = _MIN_APART <= last.time - message.time <= _MAX_APART
-                before = message if is_apart and message.place is not None else before
-        if before is None or last.place is None:
-            return -math.inf
-        speed = (last.place - before.place) / (last.time - before.time) * SECOND
-        age = self.now - last.time / SECOND
-        if speed and age * SECOND > _MAX_APART:
-            return -math.inf
-        return max(time_of(last.place, speed) - age, 0.0)
+    def _time_to(self, last):
+        """Return when the obstacle of a message is in contact, as it moved until then."""
+        others = [(one, (_stamp_of(last) - _stamp_of(one)) / SECOND)
+                  for one in last.publisher.delivered
+                  if one.key == last.key and one.body in ('T', 'F', 'M')]
+        speeds = [(one.place - last.place) / apart for one, apart in others
+                  if _MIN_APART <= apart <= _MAX_APART]
+        age = (self.now - _stamp_of(last)) / SECOND
+        if age > _MAX_APART:
+            return -inf
+        return max((max(last.place / speed - age, 0.0) if speed > 0.0 else inf
+                    for speed in speeds), default=-inf)
 
     def may_be_clear(self):
-        """Tell whether the source may really be clear."""
-        counted = [one for one in self.known_graph if not self._is_ghost(one)]
-        return len(counted) == 1 and self._has_clear_listing(counted[0])
+        """Tell whether the footprint may really be clear."""
+        return any(self._is_right([one for one in told if not self._is_ghost(one, told)])
+                   for told in (self.told, *self.waits_since))
 
-    def _is_ghost(self, one):
+    def _is_right(self, counted):
+        if len(counted) != 1:
+            return False
+        one, = counted
+        return (self._has_clear_bodies if self.mode.is_refreshed else
+                self._has_clear_listing)(one)
+
+    def _is_ghost(self, one, told):
         """Tell whether a newer publisher of the same node has sent, and this one not since."""
-        newer = [other for other in self.known_graph[self.known_graph.index(one) + 1:]
+        newer = [other for other in told[told.index(one) + 1:]
                  if other.node == one.node and other.delivered]
         if not newer:
             return False
         begun = min(message.order for message in newer[-1].delivered)
         return all(message.order < begun for message in one.delivered)
 
+    def _delivered(self):
+        return [message for one in self.publishers for message in one.delivered]
+
+    def _waits(self, message):
+        """Tell whether a message that was delivered still waits for its transform."""
+        return message.placed_by == NEVER and self.now <= message.arrival + TRANSFORM_TIMEOUT
+
+    def _touches(self, message):
+        """Tell whether a message may be of a body that touches the footprint."""
+        if message.body is None or not message.order or self._waits(message):
+            return False
+        return (message.is_refused or message.placed_by == NEVER
+                or ('F' if self.corrected else 'T') in message.body)
+
+    def _is_well(self, message):
+        """Tell whether a message was received, and is of nothing that touches."""
+        return message.order and message.placed_by < NEVER and not self._touches(message)
+
     def _has_clear_listing(self, one):
-        if self.mode == 'ids':
-            return self._has_clear_ids(one)
-        oldest = 0 if self.mode == 'maps' else (self.now - TIMEOUT) * SECOND
+        oldest = -NEVER if self.mode.is_map else self.now - TIMEOUT
         listings = {}
         for message in one.sent:
             listings.setdefault(message.listing, []).append(message)
-        under_way = one.listing if one.plan else None
-        for number, messages in listings.items():
-            newer = [message for other in self.publishers for message in other.delivered
-                     if message.body == 'T' and (
-                         other is one and message.listing > number)]
-            if (number != under_way and all(message.is_delivered for message in messages)
-                    and min(message.stamp for message in messages) >= oldest
-                    and all(message.body in ('F', None) for message in messages)
-                    and not newer):
+        for number in one.complete & listings.keys():
+            messages = listings[number]
+            end = messages[-1]
+            bodies = [message for message in messages if message.body] or [end]
+            if (all(self._is_well(message) for message in messages)
+                    and min(message.time for message in bodies) >= oldest
+                    and not any(self._touches(message) for message in self._after(end))
+                    and not (self.mode.is_map and self._is_doubtful(one, end))
+                    and not (self.mode.set_end == EACH_MESSAGE and not self.mode.is_map
+                             and self._is_overtaken(one, end))):
                 return True
         return False
 
-    def _has_clear_ids(self, one):
-        """Tell whether all of one timeout has arrived, with every key last seen far away."""
-        newest = self._newest_ids(one)
-        return newest is not None and all(message.place for message in newest.values())
+    def _after(self, end):
+        """Return the messages that came after the end of a listing."""
+        return [message for message in self._delivered() if (
+            message.number > end.number if message.publisher is end.publisher
+            else message.order > end.order)]
 
-    def _newest_ids(self, one):
-        """Return the newest message of each key, None if not all of one timeout has arrived."""
-        if not one.delivered:
-            return None
-        last = max(min(message.stamp, self.now * SECOND) for message in one.delivered)
-        if last < (self.now - TIMEOUT) * SECOND:
-            return None
-        begin = last - TIMEOUT * SECOND
-        # An obstacle stamped exactly at the beginning is sent again by the end.
-        if any(not message.is_delivered for message in one.sent
-               if message.stamp > begin and message.number < one.delivered[-1].number):
-            return None
-        newest = {}
-        for message in one.delivered:
-            held = newest.get(message.key)
-            if message.stamp >= begin and (held is None or message.stamp >= held.stamp):
-                newest[message.key] = message
-        return newest
+    def _is_doubtful(self, one, end):
+        """Tell whether a map may have been changed after a listing."""
+        last = max(message.number for message in one.delivered)
+        after = [message for message in one.sent if end.number < message.number <= last]
+        return any(not message.order for message in after) or any(
+            message.arrival + LONGEST_OPEN < self.now for message in after
+            if message.listing not in one.complete or not all(
+                other.order for other in one.sent if other.listing == message.listing))
+
+    def _is_overtaken(self, one, end):
+        """Tell whether a set of one was received before, which is newer and touches."""
+        touching = None
+        for message in sorted(one.delivered, key=lambda message: message.order):
+            if message is end:
+                return touching is not None and touching.time >= self.now - TIMEOUT and (
+                    _stamp_of(end) < _stamp_of(touching))
+            if not message.is_refused and message.placed_by < NEVER and (
+                    message.epoch_in == self.epoch) and (
+                    touching is None or _stamp_of(message) >= _stamp_of(touching)):
+                touching = message if self._touches(message) else None
+        return False
+
+    def _has_clear_bodies(self, one):
+        """Tell whether all of one timeout has arrived, with all bodies last seen far away."""
+        for last in one.delivered:
+            stamp = last.stamp or last.arrival
+            begin = stamp - TIMEOUT
+            if (last.time < self.now - TIMEOUT or last.epoch != self.epoch or last.body == 'U'
+                    or last.stamp == 0 and last.body is None
+                    or begin < max(self.epoch_begun, one.begun + self.now - self.steady)):
+                continue
+            window = [message for message in one.sent if message.number <= last.number
+                      and (message.stamp or message.arrival or stamp) >= begin]
+            if all(message.order and message.placed_by < NEVER for message in window) and (
+                    not any(map(self._touches, self._held(window + self._after(last))))):
+                return True
+        return False
+
+    def _held(self, messages):
+        """Return those of the messages that no newer one of their id replaces."""
+        held = []
+        for message in sorted(messages, key=lambda message: message.order):
+            same = [one for one in held if message.key and one.key == message.key
+                    and one.publisher is message.publisher and message.body != 'U'
+                    and one.body != 'U']
+            if same and message.stamp > max(one.stamp for one in same):
+                held = [one for one in held if one not in same]
+            held.append(message)
+        return held
+
+    # --- that it heals
 
     def heals(self):
         """End all faults; return whether the source is soon known, and finally clear."""
         if not self._has_timeout:
             self.do('timeout')
+        own = self.live(False)
         for one in self.publishers:
-            one.queue.clear()
+            if one is not own or not self.mode.is_map:
+                one.queue.clear()
             if one.is_second and one.is_alive:
                 self._stop(one, is_orderly=True)
-        own = self.live(False)
         if own is not None or not self._can_respawn():
             self.do('lease')
         self.do('news')
         if own is None:
             self.start(self.graph[-1].node[1:] if self.graph else 'a')
-            self.do('news')
             own = self.live(False)
-        elif self.mode == 'maps' and not self._keeps_its_map(own):
-            return False
-        own.plan.clear()
-        own.refreshed.clear()
-        known_after = None
-        for period in range(1, TIMEOUT + 6):
-            self._tick_to(self.now + PERIOD)
-            if self.mode == 'ids':
-                self._send_body(own, 2, 'F')
+            self.do(f'matched:{own.gid}')
+        if self.mode.frame == CORRECTED and self.corrected is not False or self.mode.frame == (
+                MOVING):
+            self.do('transform')
+        while own.plan:
+            self._send(own)
+        own.stamps = ''
+        own.sees = False
+        if self.mode.is_map:
+            for _ in range(3):
+                self._settle(own)
+                self._let_pass(PERIOD)
+            if self._is_latched(own) or self.is_clear:
+                return self.is_clear
+        stream = self.source.stream
+        soon = self.now + (3 * PERIOD if self.mode.set_end in (EMPTY_POLYGON, EACH_MESSAGE)
+                           else TIMEOUT + TOLERANCE + 2 * PERIOD)
+        if stream.mixed_until < NEVER:
+            soon += SECOND if self.mode.is_map else TIMEOUT
+        end = self.now + 3 * TIMEOUT
+        while self.now < end:
+            self._let_pass(PERIOD)
+            if self.mode.is_refreshed:
+                self._send_body(own, 'F')
             else:
                 self._plan(own, 'F')
                 while own.plan:
                     self._send(own)
-            while own.queue:
-                self._deliver(own)
-            self._renew()
-            if known_after is None and not self.source.faults:
-                known_after = period
-        soon = 3 if self.mode != 'ids' else TIMEOUT // PERIOD + 1
-        return known_after is not None and known_after <= soon and (
-            self.is_clear or len(self.graph) > 1)
+            self._settle(own)
+            if self.source.faults and self.now > soon:
+                return False
+            if not self.source.faults and len(self.graph) > 1:
+                # What a map had before stays until the one before has gone.
+                self.do('lease')
+                self.do('news')
+            if self.is_clear:
+                return True
+        return False
+
+    @property
+    def source(self):
+        return self.monitor.scene._sources['obstacle']
 
     def _can_respawn(self):
         """Tell whether the next instance of a killed node is recognised as such."""
         return (len(self.graph) == 1 and bool(self.graph[0].delivered)
-                and self.graph == self.known_graph and not self.graph[0].is_beside_others
+                and self.graph == self.matched == self.told and self.graph[0].is_named
+                and not self.graph[0].is_beside_others
                 and not any(one.is_second for one in self.publishers))
 
-    def _keeps_its_map(self, own):
-        """Tell whether a map sent long ago is known, if there was one."""
-        if own.plan or not own.sent or any(one.body in ('R', 'U') for one in own.sent):
-            return True
-        if not all(one.is_delivered for one in own.sent) and not self.source.wants_history:
-            return True
-        for _ in range(3):
+    def _is_latched(self, own):
+        """Tell whether the last listing that a publisher of maps keeps is whole and clear."""
+        kept = own.sent[-DEPTH:]
+        last = [message for message in kept if message.listing == own.listing]
+        has_begin = last and (last[0].number == 1 or last[0] is not kept[0])
+        return (has_begin or self.mode.set_end == EACH_MESSAGE) and bool(last) and all(
+            message.body in ('F', None) for message in last)
+
+    def _settle(self, own):
+        """Let all come that was sent, and again what is kept where that is asked for."""
+        if self.mode.frame == MOVING:
+            self._transform()
+        self._deliver(own, len(own.queue))
+        if self.monitor.scene.wants_history('obstacle'):
             self._renew()
-            self._tick_to(self.now + SETTLE)
-        return not self.source.faults
+            self._deliver(own, len(own.queue))
 
-    def _tick_to(self, time):
-        while self.now < time:
-            self._tick()
+    def _let_pass(self, time):
+        self.now += time
+        self.steady += time
+        self._advance()
 
 
-def replayed(mode, events, source=Source):
+def replayed(mode, events):
     """Return the world after these events."""
-    world = World(mode, source)
+    world = World(mode)
     for event in events:
         world.do(event)
     return world

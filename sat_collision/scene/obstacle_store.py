@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections import Counter, OrderedDict
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from itertools import chain, takewhile
+from itertools import chain
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -373,11 +373,12 @@ class KeyedGroup(ObstacleGroup):
         self._forget_first(lambda one: one.stamp < stamp)
 
     def _forget_first(self, is_gone: Callable[[Obstacle], bool]) -> None:
-        gone = takewhile(lambda held: all(map(is_gone, held)), self._held.values())
-        self._forget([*chain.from_iterable([*gone])])
+        held = self._held
+        while held and all(map(is_gone, next(iter(held.values())))):
+            self._drop(held.popitem(last=False)[1])
 
     def clear(self) -> None:
-        self._forget([*self])
+        self._forget_first(lambda one: True)
         self._store.drop(self)
 
     def _drop(self, obstacles: Iterable[Obstacle]) -> None:

@@ -116,7 +116,7 @@ class Contacts:
 
     def remove_obstacle(self, obstacle: Obstacle) -> None:
         """Remove an obstacle, if it is placed."""
-        if self._obstacles.remove(obstacle):
+        if self._obstacles.remove(obstacle) and obstacle.contacts:
             self.changed.update(update_contacts(obstacle, ()))
 
     def hide_obstacles(self, group: object, rows: Any) -> None:

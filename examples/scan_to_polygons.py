@@ -12,13 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Publish what a laser sees as polygons: LaserScan in, one set of PolygonStamped a scan out.
+Publish what a laser sees as polygons: LaserScan in, one set of polygons a scan out.
 
 Returns next to each other that are no further apart than `gap` are one surface. It is split where
 it bends, so that no piece is thicker than `thickness`, and the convex hull of each piece is
 published: a wall around the robot stays a ring of thin pieces. All have the stamp and the frame of
-the scan, and an empty polygon ends the set: the monitor knows by it that it has all, where its
-source has `set_end: empty_polygon`.
+the scan. With the parameter `in_one_message` a set is one polygon_msgs/Polygon2DCollection, for a
+source with `type: polygon_collection`; otherwise each piece is a PolygonStamped, and an empty one
+ends the set, for a source with `set_end: empty_polygon`.
 """
 
 from contextlib import suppress
@@ -41,19 +42,30 @@ class ScanToPolygons(Node):
         super().__init__('scan_to_polygons')
         self._gap = self.declare_parameter('gap', 0.2).value
         self._thickness = self.declare_parameter('thickness', 0.1).value
-        self._obstacles = self.create_publisher(PolygonStamped, 'obstacles',
-                                                QoSProfile(depth=1000))
+        if self.declare_parameter('in_one_message', False).value:
+            from polygon_msgs.msg import Polygon2DCollection
+            self._obstacles = self.create_publisher(Polygon2DCollection, 'obstacles', 10)
+            self._publish = self._publish_collection
+        else:
+            self._obstacles = self.create_publisher(PolygonStamped, 'obstacles',
+                                                    QoSProfile(depth=1000))
+            self._publish = self._publish_one_by_one
         self.create_subscription(LaserScan, 'scan', self._convert, qos_profile_sensor_data)
 
     def _convert(self, scan):
-        for outline in outlines(scan, self._gap, self._thickness):
-            self._publish(scan.header, outline)
-        self._publish(scan.header, [])
+        self._publish(scan.header, outlines(scan, self._gap, self._thickness))
 
-    def _publish(self, header, outline):
-        message = PolygonStamped(header=header)
-        message.polygon.points = [Point32(x=float(x), y=float(y)) for x, y in outline]
-        self._obstacles.publish(message)
+    def _publish_collection(self, header, found):
+        from polygon_msgs.msg import Point2D, Polygon2D, Polygon2DCollection
+        self._obstacles.publish(Polygon2DCollection(header=header, polygons=[
+            Polygon2D(points=[Point2D(x=float(x), y=float(y)) for x, y in outline])
+            for outline in found]))
+
+    def _publish_one_by_one(self, header, found):
+        for outline in (*found, ()):
+            message = PolygonStamped(header=header)
+            message.polygon.points = [Point32(x=float(x), y=float(y)) for x, y in outline]
+            self._obstacles.publish(message)
 
 
 def outlines(scan, gap, thickness):

@@ -28,25 +28,31 @@ from std_msgs.msg import Header  # noqa: E402
 PAGE = (Path(__file__).resolve().parents[2] / 'docs' / 'recipes.md').read_text()
 
 
-def recipe(heading, language):
-    """Return the code block under a heading."""
+def recipe(heading, language, number=0):
+    """Return a code block under a heading."""
     _, text = PAGE.split(f'\n## {heading}\n')
-    _, block = text.partition('\n## ')[0].split(f'```{language}\n')
+    block = text.partition('\n## ')[0].split(f'```{language}\n')[1 + number]
     return block.partition('```')[0]
 
 
-def functions(heading):
+def functions(heading, number=0):
     known = {}
-    exec(recipe(heading, 'python'), known)
+    exec(recipe(heading, 'python', number), known)
     return SimpleNamespace(**known)
 
 
-def test_static_map(start, tmp_path):
+@pytest.mark.parametrize('at_once', (False, True), ids=('one by one', 'in one message'))
+def test_static_map(start, tmp_path, at_once):
     """It is sent once, before the monitor has found its publisher."""
     params = tmp_path / 'params.yaml'
-    params.write_text(recipe('A static map', 'yaml'))
+    text = recipe('A static map', 'yaml')
+    if at_once:
+        pytest.importorskip('polygon_msgs', reason='make .venv/messages.stamp builds it')
+        text = text.replace('set_end: empty_polygon', 'type: polygon_collection')
+    params.write_text(text)
     monitor = start(('--params-file', str(params)))
-    publisher = functions('A static map').publish_map(
+    known = functions('A static map', int(at_once))
+    publisher = (known.publish_map_at_once if at_once else known.publish_map)(
         monitor.node, [box(0.0), box(5.0), [(9.0, 0.0), (9.0, 5.0)]])
     for x, state in ((2.0, 'clear'), (4.0, 'collision'), (8.5, 'collision'), (2.0, 'clear')):
         monitor.send_until(state, 'footprint', box(x))

@@ -88,18 +88,21 @@ def test_ranges_out_of_bounds_are_no_returns():
     assert [len(outline) for outline in outlines(scan, 0.2, 0.1)] == [1, 1]
 
 
-@pytest.fixture
-def converter(domain):
-    process = subprocess.Popen([sys.executable, ROOT / 'examples' / 'scan_to_polygons.py'],
+@pytest.fixture(params=(False, True), ids=('one by one', 'in one message'))
+def converter(domain, request):
+    if request.param:
+        pytest.importorskip('polygon_msgs', reason='make .venv/messages.stamp builds it')
+    process = subprocess.Popen([sys.executable, ROOT / 'examples' / 'scan_to_polygons.py',
+                                '--ros-args', '-p', f'in_one_message:={request.param}'],
                                env={**os.environ, 'ROS_DOMAIN_ID': str(domain)})
-    yield process
+    yield {'obstacle__type': 'polygon_collection'} if request.param else {}
     process.kill()
     process.wait()
 
 
 def test_scans_are_checked(start, converter):
     """In a room the robot is clear; with a box at its front it is not."""
-    monitor = start()
+    monitor = start(**converter)
     scans = monitor.node.create_publisher(LaserScan, 'scan', 1)
     for scene, state in (([ROOM, BOX], 'clear'), ([ROOM, NEAR], 'collision'),
                          ([ROOM, BOX], 'clear')):

@@ -37,7 +37,8 @@ _OLD_FRAME = 'is a map in a frame whose transform is too old'
 
 # Max groups of obstacles kept that were told before knowledge began anew.
 _MAX_FORMER = 100
-_RULES = {EMPTY_POLYGON: 'empty polygon', NEW_STAMP: 'new stamp', EACH_MESSAGE: 'each message'}
+_RULES = {NONE: 'timeout', EMPTY_POLYGON: 'empty polygon', NEW_STAMP: 'new stamp',
+          EACH_MESSAGE: 'each message'}
 
 _Knowledge: TypeAlias = Listings | Refreshed
 
@@ -113,9 +114,9 @@ class Source:
     @property
     def rule(self) -> str:
         """The rule by which its obstacles are known, in words."""
-        if isinstance(self.knowledge, Listings):
-            return _RULES.get(self.settings.ending, 'none')
-        return 'ids' if self.settings.type == POLYGON_INSTANCE else 'timeout'
+        knowledge = self.knowledge
+        has_ids = isinstance(knowledge, Refreshed) and knowledge.by_id is not None
+        return 'ids' if has_ids else _RULES[self.settings.ending]
 
     @property
     def _lacks_numbers(self) -> bool:
@@ -294,6 +295,7 @@ class Source:
             news = JOINED
             self._count_from(now)
             self._begin_anew(now)
+            self.knowledge.miss('its stamps fell by more than its timeout', now)
         knowledge = self.knowledge
         if refusal and stamp is None:
             knowledge.refuse(refusal, now, is_read=False)

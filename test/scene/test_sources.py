@@ -336,6 +336,10 @@ def test_stamps_that_fall_by_more_than_the_timeout_begin_anew(settings):
     assert stage.see(10, stamp=-1.999, instance=2) == TOO_OLD if settings is POLYGONS else True
     assert stage.see(10, stamp=-2.001, instance=2) == TOO_OLD
     assert stage.status() == 'collision' and stage.state().reasons
+    stage.see(10, instance=2)
+    assert stage.state().reasons == (
+        LIDAR_SAYS + 'has not sent a whole set since its stamps fell by more than its timeout'
+        if settings is LIDAR else WITHOUT_A_GAP,)
     stage.wait_until(3.0)
     assert stage.status() == 'collision'
     stage.wait_until(3.001)

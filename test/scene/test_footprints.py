@@ -17,6 +17,7 @@
 from dataclasses import replace
 
 import pytest
+from sat_collision.scene.obstacles import ObstacleId
 from stage import (
     CART, clear_stage, LIDAR, NOT_RECEIVED, ROBOT, SILENT, Stage, status_and_reasons,
     TOO_OLD, UNTIMED_LIDAR, UNTIMED_ROBOT, with_robot)
@@ -306,13 +307,13 @@ def test_footprint_ignores_sources_that_it_does_not_monitor():
     assert stage.status() == 'collision'
     monitor_sources(stage, 'walls')
     assert stage.status() == 'clear'
-    assert stage.scene.nearest('robot')[:2] == (('walls', 0), 6.0)
+    assert stage.scene.nearest('robot')[:2] == (ObstacleId('walls', 0), 6.0)
     stage.robot(0.1)
     stage.see(0.2, name='dock')
     assert stage.status() == 'clear'
     monitor_sources(stage)
-    assert stage.state().contacts == (('dock', 0),)
-    assert stage.scene.nearest('robot')[0] == ('dock', 0)
+    assert stage.state().contacts == (ObstacleId('dock', 0),)
+    assert stage.scene.nearest('robot')[0] == ObstacleId('dock', 0)
 
 
 def test_contacts_with_monitored_sources():
@@ -327,7 +328,7 @@ def test_contacts_with_monitored_sources():
     stage.robot(5.8)
     assert stage.status() == 'clear'
     stage.scene.update(replace(stage.settings, margin=0.5))
-    assert stage.state().contacts == (('walls', 0),)
+    assert stage.state().contacts == (ObstacleId('walls', 0),)
 
 
 def test_faults_of_other_sources_are_ignored():

@@ -291,7 +291,8 @@ class SceneMachine(RuleBasedStateMachine):
         self._changes_are_reported()
 
     def _obstacles_agree(self):
-        obstacles = Counter((*name[:2], ring_of(polygon)) for name, polygon in self.scene.obstacles)
+        obstacles = Counter((*name[:2], ring_of(polygon))
+                            for name, polygon in self.scene.obstacles)
         assert obstacles == Counter(self.model.obstacles(self.now))
 
     def _states_agree(self):

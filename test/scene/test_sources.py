@@ -21,6 +21,7 @@ import pytest
 from sat_collision.monitor import Monitor
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.footprints import Status
+from sat_collision.scene.obstacle_store import Followed
 from sat_collision.scene.scene import FROM_FUTURE
 from sat_collision.scene.settings import FootprintSettings, NEVER, Settings
 from sat_collision.scene.sources import Source, TOO_OLD
@@ -103,8 +104,8 @@ def test_map_sent_again_after_its_clock_went_back_is_whole(back):
 def test_map_follows_its_frame():
     """Its static transform is corrected; where it is not valid any more it is not known."""
     stage = with_robot(UNTIMED_LIDAR)
-    stage.scene.obstacle('lidar', square(10).packed, 'map', stage.now, stage.now, None,
-                         stage.number('lidar'), ('map2', 'points'))
+    stage.scene.obstacle('lidar', Followed(square(10).packed, ('map2', 'points')), 'map',
+                         stage.now, stage.now, None, stage.number('lidar'))
     stage.see(20)
     stage.end()
     assert stage.status() == 'clear' and stage.scene.map_frames('lidar') == {'map2'}

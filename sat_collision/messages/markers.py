@@ -12,25 +12,21 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-The scene as visualization_msgs/MarkerArray.
-
-Where bodies meet is computed for drawing only: it is rounded.
-"""
+"""The scene as visualization_msgs/MarkerArray."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from itertools import chain, islice, product
+from collections.abc import Iterable
+from itertools import chain, islice
 import math
 from operator import itemgetter
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from sat_collision.geometry.contact import contact
+from sat_collision.geometry.overlap import contact_marks, Ring
 from sat_collision.geometry.polygon import Polygon
-from sat_collision.geometry.polygon_set import PolygonSet
 from sat_collision.messages.interfaces import ColorRGBA, Duration, Marker, MarkerArray, Point
 from sat_collision.messages.states import in_words
 from sat_collision.scene.footprints import State, Status
@@ -38,8 +34,6 @@ from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.prediction import Prediction
 from sat_collision.scene.scene import Scene
 
-# (n, 2): corners of a convex polygon, counter-clockwise, ends of a segment, or a point.
-Ring: TypeAlias = NDArray[np.float64]
 # Least x and y, greatest x and y.
 Box: TypeAlias = tuple[float, float, float, float]
 _Body: TypeAlias = 'str | ObstacleId'
@@ -64,10 +58,6 @@ _PERIODS = 3
 MAX_CONTACTS = 50
 # Max obstacles drawn, as drawing must not hold up the flags.
 MAX_DRAWN = 1_000
-# Bodies with more pairs of parts are marked where they are deepest in each other.
-_MAX_PAIRS = 2_000
-# Bound of rounding errors, relative to the largest coordinate.
-_SLACK = 1e-9
 
 
 class _Style(NamedTuple):
@@ -277,90 +267,3 @@ def _triangles(ring: Ring) -> list[Any]:
 
 def _points(vertices: ArrayLike) -> list[Any]:
     return [Point(x=x, y=y) for x, y in np.asarray(vertices).tolist()]
-
-
-def contact_marks(footprint: Polygon, obstacle: Polygon) -> list[Ring]:
-    """
-    Return marks of where two bodies meet: convex pieces of the region that they share.
-
-    Where that has no area, its segments or points; where they are apart within the margin, or have
-    too many parts, the segment from one to the other.
-    """
-    slack = _slack(footprint.bounds, obstacle.bounds)
-    pairs = list(product(footprint.parts, obstacle.parts))
-    pieces = [piece for own, other in (pairs if len(pairs) <= _MAX_PAIRS else ())
-              if _meet(own.bounds, other.bounds, slack)
-              and len(piece := clip(own.vertices, other.vertices, slack))]
-    solid = [piece for piece in pieces if _area(piece) > slack * _size(piece)]
-    if solid:
-        return solid
-    if pieces:
-        return [_flat(piece, slack) for piece in pieces]
-    nearest = PolygonSet([obstacle]).nearest(footprint)
-    return [np.array(nearest[2:])] if nearest else []
-
-
-def clip(ring: Ring, other: Ring, slack: float = 0.0) -> Ring:
-    """
-    Return what two convex rings share, by Sutherland and Hodgman (1974); may be empty.
-
-    A point may lie outside by the slack, in metres.
-    """
-    # The fewer lines, the faster.
-    if len(ring) < len(other):
-        ring, other = other, ring
-    for start, along in _half_planes(other):
-        sides = ((ring[:, 1] - start[1]) * along[0] - (ring[:, 0] - start[0]) * along[1]
-                 ) / math.hypot(*along)
-        inside = sides >= -slack
-        if inside.all():
-            continue
-        if not inside.any():
-            return ring[:0]
-        difference = sides - np.roll(sides, -1)
-        share = np.divide(sides, difference, out=np.zeros_like(sides), where=difference != 0.0)
-        crossings = ring + np.clip(share, 0.0, 1.0)[:, None] * (np.roll(ring, -1, 0) - ring)
-        kept = np.column_stack([inside, inside != np.roll(inside, -1)])
-        ring = np.stack([ring, crossings], 1)[kept]
-    return ring
-
-
-def _half_planes(ring: Ring) -> Iterator[tuple[Ring, Ring]]:
-    """Yield a point and a direction of each line to the left of which a ring lies."""
-    if len(ring) == 1:
-        # Those of a square of size zero.
-        for along in ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)):
-            yield ring[0], np.array(along)
-        return
-    yield from zip(ring, np.roll(ring, -1, 0) - ring)
-    if len(ring) == 2:
-        x, y = ring[1] - ring[0]
-        yield ring[0], np.array([y, -x])
-        yield ring[1], np.array([-y, x])
-
-
-def _meet(one: tuple[float, ...], other: tuple[float, ...], slack: float) -> bool:
-    """Return whether two boxes meet, up to rounding."""
-    return (one[0] <= other[2] + slack and other[0] <= one[2] + slack
-            and one[1] <= other[3] + slack and other[1] <= one[3] + slack)
-
-
-def _slack(*boxes: tuple[float, ...]) -> float:
-    return _SLACK * (1.0 + max(abs(bound) for box in boxes for bound in box))
-
-
-def _area(ring: Ring) -> float:
-    x, y = (ring - ring[0]).T
-    return 0.5 * abs(float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)))
-
-
-def _size(ring: Ring) -> float:
-    return float(np.ptp(ring, axis=0).sum())
-
-
-def _flat(ring: Ring, slack: float) -> Ring:
-    """Return the ends of a ring without area, one point if they are the same."""
-    for _ in range(2):
-        order = np.argsort(np.hypot(*(ring - ring[0]).T))
-        ring = ring[order[::-1]]
-    return ring[:1] if _size(ring) <= 4.0 * slack else ring[[0, -1]]

@@ -14,13 +14,13 @@
 
 """Messages made from a scene: states, points of contact, markers and their labels."""
 
-
 from builders import box, SECOND
 import numpy as np
 import pytest
 from sat_collision import Polygon
+from sat_collision.geometry.overlap import clip, contact_marks
 from sat_collision.messages.interfaces import deserialize, Marker, PointCloud2, serialize, Time
-from sat_collision.messages.markers import clip, contact_marks, Markers, MAX_DRAWN
+from sat_collision.messages.markers import Markers, MAX_DRAWN
 from sat_collision.messages.outputs import contact_cloud, MAX_CONTACTS
 from sat_collision.messages.states import coordinate_step, in_words
 from sat_collision.scene.footprints import State, Status

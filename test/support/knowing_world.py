@@ -190,7 +190,7 @@ class World:
                 'obstacle', '/obstacles', self.mode.type, self.mode.set_end,
                 timeout=0.0 if self.mode.is_map else TIMEOUT / SECOND,
                 assume_no_loss=not self._may_lose, moving=self.moves,
-                max_count=5 * MAX_COUNT if self.mode.is_refreshed else MAX_COUNT),),
+                max_count=20 * MAX_COUNT if self.mode.is_refreshed else MAX_COUNT),),
             frame_id='map', transform_timeout=TRANSFORM_TIMEOUT / SECOND, max_tf_gap=1e3,
             future_tolerance=TOLERANCE / SECOND, horizon=1e4)
         self.monitor = Monitor(self.settings, transforms=True)

@@ -220,17 +220,6 @@ def test_mark_is_not_refused_for_its_frame_nor_for_its_stamp():
         assert status_and_reasons(stage) == ('clear', ())
 
 
-@pytest.mark.parametrize('settings', [POLYGONS, INSTANCES, NEW_STAMP])
-def test_empty_polygon_is_a_mark_only_where_that_is_declared(settings):
-    """Elsewhere it shows at most that its publisher lives, or is a set of none."""
-    stage = with_robot(settings)
-    stage.see(0.5, instance=1)
-    for _ in range(3):
-        stage.end(stamp=0.0)
-    assert stage.status() == 'collision'
-    assert stage.state().reasons
-
-
 # --- age and silence
 
 
@@ -479,33 +468,6 @@ def test_memory_is_bounded_by_max_count(settings):
 
 
 # --- publishers
-
-
-def test_set_with_a_loss_does_not_replace_the_last_whole_set():
-    stage = with_robot(LIDAR)
-    stage.send(0.5, 10)
-    stage.lose()
-    stage.send(20)
-    assert stage.held == {0: (0.5, 20), 1: 10}
-    assert status_and_reasons(stage) == ('collision', ())
-    stage.send(20)
-    assert stage.held == {0: 20}
-    assert status_and_reasons(stage) == ('clear', ())
-    assert stage.scene.lost() == {'lidar': 1}
-
-
-def test_lossy_source_is_unknown_when_its_last_whole_set_is_too_old():
-    stage = with_robot(LIDAR)
-    stage.send(10)
-    for time in (0.5, 1.0, 1.5, 2.0):
-        assert stage.status() == 'clear'
-        stage.wait_until(time)
-        stage.see(10)
-        stage.lose()
-        stage.end()
-    stage.wait_until(2.001)
-    assert status_and_reasons(stage) == (
-        'unknown', (LIDAR_SAYS + 'has not sent a whole set since messages were lost',))
 
 
 def test_map_of_which_a_part_was_lost_is_requested_again():

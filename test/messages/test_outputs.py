@@ -22,7 +22,7 @@ from sat_collision.geometry.overlap import clip, contact_marks
 from sat_collision.messages.interfaces import deserialize, Marker, PointCloud2, serialize, Time
 from sat_collision.messages.markers import Markers, MAX_DRAWN
 from sat_collision.messages.outputs import contact_cloud, MAX_CONTACTS
-from sat_collision.messages.states import coordinate_step, in_words
+from sat_collision.messages.states import coordinate_step, in_words, States
 from sat_collision.scene.footprints import State, Status
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.scene import Scene
@@ -75,6 +75,19 @@ def scene_of(bodies, margin=0.0):
     for number, body in enumerate(bodies, 1):
         scene.obstacle('map', Polygon(body).packed, 'map', SECOND, 9 * SECOND, number=number)
     return scene
+
+
+def test_state_says_of_each_source_how_it_is_known_and_how_to_be_rid_of_a_trail():
+    """Also in contact, which may be with where an obstacle was."""
+    scene = scene_of([box(0.5, 0), box(9, 9)])
+    states = States('/node', scene.settings)
+    states.write_moving('robot', scene, None, None)
+    states.update(scene)
+    known = {one.key: one.value for one in states.statuses[0].values}
+    assert (known['state'], known['source map']) == (
+        'collision', '2 polygons of the last 60 s, by timeout; obstacles of source map are '
+        'released only 60 s after they were last sent: to release them at once, send an empty '
+        'polygon after the last one of each set, and set map.set_end: empty_polygon')
 
 
 def cloud_of(bodies, margin=0.0):

@@ -362,13 +362,18 @@ def test_empty_polygon_needs_no_transform(robot):
     assert robot.status() == 'clear' and not robot.rejections
 
 
-def test_number_of_waiting_messages_is_limited(robot):
-    """To twice the max_count of a source; the first ones are refused."""
+@pytest.mark.parametrize('most_bytes, waiting', [(10**6, 10), (400, 4)])
+def test_messages_that_wait_are_limited_in_number_and_bytes(
+        robot, monkeypatch, most_bytes, waiting):
+    """To twice the max_count of a source; the first ones are refused, and the source unknown."""
+    monkeypatch.setattr('sat_collision.monitor._BYTES_WAIT', most_bytes)
     robot.wait_until(1.01)
     for k in range(12):
-        robot.see(box(9 + k), 1.01, instance=k % 5)
-    assert robot.monitor.waiting.counts() == {'lidar': 10}
-    assert robot.reasons == [frames.NO_TRANSFORM] * 2
+        robot.see(box(9 + k), 1.01, instance=1 + k % 5)
+    assert robot.monitor.waiting.counts() == {'lidar': waiting}
+    assert robot.reasons == [frames.NO_TRANSFORM] * (12 - waiting)
+    assert robot.monitor.rejected == {('lidar', frames.NO_TRANSFORM): 12 - waiting}
+    assert robot.status() == 'unknown'
 
 
 def test_loss_before_a_waiting_message():

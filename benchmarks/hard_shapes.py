@@ -122,7 +122,7 @@ def contacts(count):
     monitor = Monitor(Settings(
         (FootprintSettings('footprint', '/footprint', timeout=0.0),),
         (ObstacleSettings('obstacles', '/obstacles', set_end='empty_polygon', timeout=0.0,
-                          max_count=count),)))
+                          max_count=count, assume_no_loss=True),)))
     now = 10**18
     monitor.receive('footprint', serialised(regular(4, 0.0, 0.0, 2.0 * count), now), now)
     messages = [serialised(regular(4, float(k), 0.0, 0.4), now) for k in range(count)]

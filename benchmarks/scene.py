@@ -164,7 +164,7 @@ def _monitor(size):
     """Return a monitor for a set of some size."""
     return Monitor(Settings((FootprintSettings('footprint', '/footprint'),),
                             (ObstacleSettings('obstacles', '/obstacles', max_count=size,
-                                              set_end='empty_polygon'),)))
+                                              set_end='empty_polygon', assume_no_loss=True),)))
 
 
 def _message(rng, size, repeats):

@@ -83,8 +83,8 @@ $(VENV)/test.stamp: setup.py | $(BIN)/python
 	touch $@
 
 # The messages of polygon_msgs, which PyPI does not have; this needs g++ and Python's headers.
-$(VENV)/messages.stamp: $(wildcard test/polygon_msgs/* test/polygon_msgs/msg/*) | $(BIN)/python
-	bash test/polygon_msgs/build.sh $(BIN)/python
+$(VENV)/messages.stamp: $(wildcard test/polygon_msgs_source/* test/polygon_msgs_source/msg/*) | $(BIN)/python
+	bash test/polygon_msgs_source/build.sh $(BIN)/python
 	touch $@
 
 $(VENV)/bench.stamp: setup.py | $(BIN)/python

@@ -42,6 +42,8 @@ PAIR = 2
 TRIPLE = 3
 WORD = 4
 DOUBLE = 8
+# Bytes of a point.
+SIZES = {PAIR: PAIR * DOUBLE, TRIPLE: TRIPLE * WORD}
 
 _SHORTER = 2.0 ** -45
 _LEAST_EDGE = 2.0 ** -500

@@ -25,7 +25,7 @@ from typing import Any, cast, NamedTuple
 import numpy as np
 from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.packer import Packer, vertices_of
-from sat_collision.geometry.packing import TRIPLE
+from sat_collision.geometry.packing import SIZES, TRIPLE
 from sat_collision.geometry.polygon import Affine2D, PackedBody, Points, PolygonError, UNMOVED
 from sat_collision.geometry.run import IN_ONE_MESSAGE, Run
 from sat_collision.messages.cdr import (
@@ -104,8 +104,8 @@ class Placement(NamedTuple):
     @property
     def shape(self) -> bytes:
         """The bytes of the points of a single message."""
-        data, start, count, _ = self.single
-        return data[start:start + POINT_SIZE * count]
+        data, start, count, step = self.single
+        return data[start:start + SIZES[step] * count]
 
     def each(self) -> Iterator[Placement]:
         """Yield the messages of a run one by one."""

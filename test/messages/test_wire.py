@@ -23,20 +23,13 @@ from builders import (
     collection, command, odometry, polygon_2d, polygon_message, SECOND, serialised, transforms)
 import numpy as np
 import pytest
-from rosbags.typesys import get_types_from_msg, get_typestore, Stores
+from recordings import TYPES
 from sat_collision.messages.cdr import (
     decode, decode_collection, decode_command, decode_odometry, decode_polygon_2d,
     decode_transforms, decode_twist, header_stamp, MessageError, stamped)
 from sat_collision.messages.interfaces import (
     deserialize, PolygonInstanceStamped, PolygonStamped, serialize)
 
-STORE = get_typestore(Stores.ROS2_JAZZY)
-for name, fields in (
-        ('Point2D', 'float64 x\nfloat64 y'), ('Polygon2D', 'Point2D[] points'),
-        ('Polygon2DStamped', 'std_msgs/Header header\nPolygon2D polygon'),
-        ('Polygon2DCollection', 'std_msgs/Header header\nPolygon2D[] polygons\n'
-                                'std_msgs/ColorRGBA[] colors')):
-    STORE.register(get_types_from_msg(fields, f'polygon_msgs/msg/{name}'))
 POINTS = [(1.0, 2.0, 3.0), (-4.0, 0.125, 0.0), (1e30, -0.0, 5.0)]
 PAIRS = [(600_000.1, 2.0), (-4.0, 0.125), (1e300, -0.0)]
 STAMP = 7 * SECOND + 8
@@ -84,13 +77,13 @@ def points_2d(data, start, count):
 
 
 def read_polygon_2d_by_rosbags(data):
-    message = STORE.deserialize_cdr(data, 'polygon_msgs/msg/Polygon2DStamped')
+    message = TYPES.deserialize_cdr(data, 'polygon_msgs/msg/Polygon2DStamped')
     return (stamp_of(message.header), message.header.frame_id,
             [(point.x, point.y) for point in message.polygon.points])
 
 
 def read_collection_by_rosbags(data):
-    message = STORE.deserialize_cdr(data, 'polygon_msgs/msg/Polygon2DCollection')
+    message = TYPES.deserialize_cdr(data, 'polygon_msgs/msg/Polygon2DCollection')
     return (stamp_of(message.header), message.header.frame_id,
             [[(point.x, point.y) for point in polygon.points] for polygon in message.polygons])
 
@@ -106,11 +99,11 @@ def numbers_of(place, rotation):
 def read_transforms_by_rosbags(data):
     return [(one.header.frame_id, one.child_frame_id, stamp_of(one.header),
              numbers_of(one.transform.translation, one.transform.rotation))
-            for one in STORE.deserialize_cdr(data, TF).transforms]
+            for one in TYPES.deserialize_cdr(data, TF).transforms]
 
 
 def read_odometry_by_rosbags(data):
-    message = STORE.deserialize_cdr(data, 'nav_msgs/msg/Odometry')
+    message = TYPES.deserialize_cdr(data, 'nav_msgs/msg/Odometry')
     pose, twist = message.pose.pose, message.twist.twist
     return (message.header.frame_id, message.child_frame_id, stamp_of(message.header),
             numbers_of(pose.position, pose.orientation),
@@ -118,7 +111,7 @@ def read_odometry_by_rosbags(data):
 
 
 def read_command_by_rosbags(data):
-    message = STORE.deserialize_cdr(data, 'geometry_msgs/msg/TwistStamped')
+    message = TYPES.deserialize_cdr(data, 'geometry_msgs/msg/TwistStamped')
     twist = message.twist
     return (stamp_of(message.header), message.header.frame_id,
             (twist.linear.x, twist.linear.y, twist.angular.z))
@@ -133,7 +126,7 @@ def some_links(seed, count):
 
 def written(*links, order='<'):
     """Return the bytes of a TFMessage, as rosbags writes them."""
-    types = STORE.types
+    types = TYPES.types
     message = types[TF]([types['geometry_msgs/msg/TransformStamped'](
         types['std_msgs/msg/Header'](types['builtin_interfaces/msg/Time'](*divmod(stamp, SECOND)),
                                      parent), child,
@@ -141,7 +134,7 @@ def written(*links, order='<'):
             types['geometry_msgs/msg/Vector3'](x, y, z),
             types['geometry_msgs/msg/Quaternion'](*rotation)))
         for parent, child, stamp, (x, y, z, *rotation) in links])
-    return bytes(STORE.serialize_cdr(message, TF, little_endian=order == '<'))
+    return bytes(TYPES.serialize_cdr(message, TF, little_endian=order == '<'))
 
 
 KINDS = {

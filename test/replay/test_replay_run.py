@@ -14,11 +14,12 @@
 
 """Replay as live of recordings whose results are known."""
 
-from builders import SECOND, serialised
+from builders import collection, polygon_2d, SECOND, serialised
 from published import load
 import pytest
 from recordings import (
-    box, check, declared, drive, INSTANCE, MARKS, NAMES, published, SOURCE, STAMPS, START, write)
+    box, check, COLLECTION, declared, drive, INSTANCE, MARKS, NAMES, POLYGON_2D, published,
+    SOURCE, STAMPS, START, write)
 from sat_collision.messages.cdr import decode
 from sat_collision.replay import run as replay
 from sat_collision.replay.bag.recording import Recording
@@ -317,3 +318,29 @@ def test_recording_can_be_closed_early(tmp_path):
     with Recording(write(tmp_path / 'bag', drive())) as recording:
         next(recording.rows({'/footprint'}))
     assert recording.problems == []
+
+
+@pytest.mark.parametrize('as_live', (False, True), ids=('motion', 'live'))
+def test_sets_in_one_message_give_what_the_same_sets_give_polygon_by_polygon(tmp_path, as_live):
+    """Also ones that are not convex, and a footprint of float64; without polygon_msgs."""
+    notched = [(6, 3), (8, 3), (8, 5), (7, 4), (6, 5)]
+
+    def sets():
+        for k in range(40):
+            yield k / 10, box(0.2 * k), [box(6), notched, *[box(9, k)] * (k % 3), box(0, 4)]
+    one_by_one, at_once = [], []
+    for time, robot, obstacles in sets():
+        stamp = START + round(time * SECOND)
+        one_by_one += [('/footprint', time, robot),
+                       *(('/obstacles', time, one) for one in (*obstacles, []))]
+        at_once += [('/footprint', time, polygon_2d(robot, stamp)),
+                    ('/obstacles', time, collection(obstacles, stamp))]
+    options = Options(as_live=as_live)
+    expected = check(write(tmp_path / 'a', one_by_one), options)
+    found = check(write(tmp_path / 'b', at_once, types={
+        '/footprint': POLYGON_2D, '/obstacles': COLLECTION}), options, set_end=None)
+    of, wanted = ([(one.obstacle, one.first, one.last, round(one.depth, 6))
+                   for one in result.contacts] for result in (found, expected))
+    assert of == wanted
+    assert len(found.contacts) == 1 and found.verdict is expected.verdict is Verdict.COLLISION
+    assert found.problems == expected.problems == []

@@ -31,6 +31,7 @@ from rosbags.interfaces import (  # noqa: E402
     Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime)
 from rosbags.rosbag2 import (  # noqa: E402
     CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer)
+from rosbags.typesys import get_types_from_msg, get_typestore, Stores  # noqa: E402
 from sat_collision.messages.cdr import decode  # noqa: E402
 from sat_collision.messages.rosbags_interfaces import STORE  # noqa: E402
 from sat_collision.replay import command  # noqa: E402
@@ -40,10 +41,19 @@ from sat_collision.replay.run import check as check_as_given  # noqa: E402
 
 NAMES = ('autoware_ego_trajectory_boxes', 'commonroad_USA_Lanker-1_1_ego1247',
          'tysik_front_scan_polygons')
+TYPES = get_typestore(Stores.ROS2_JAZZY)
+for fields, name in (
+        ('float64 x\nfloat64 y', 'Point2D'), ('Point2D[] points', 'Polygon2D'),
+        ('std_msgs/Header header\nPolygon2D polygon', 'Polygon2DStamped'),
+        ('std_msgs/Header header\nPolygon2D[] polygons\nstd_msgs/ColorRGBA[] colors',
+         'Polygon2DCollection')):
+    TYPES.register(get_types_from_msg(fields, f'polygon_msgs/msg/{name}'))
 _FOLDER = tempfile.TemporaryDirectory(prefix='sat_collision_recordings_')
 
 START = 1_700_000_000 * 10**9
 POLYGON = 'geometry_msgs/msg/PolygonStamped'
+POLYGON_2D = 'polygon_msgs/msg/Polygon2DStamped'
+COLLECTION = 'polygon_msgs/msg/Polygon2DCollection'
 INSTANCE = 'geometry_msgs/msg/PolygonInstanceStamped'
 LATCHED = Qos(QosHistory.KEEP_LAST, 10, QosReliability.RELIABLE, QosDurability.TRANSIENT_LOCAL,
               *[QosTime(0, 0)] * 2, QosLiveliness.AUTOMATIC, QosTime(0, 0), False)
@@ -98,7 +108,7 @@ def write(path, messages, storage='mcap', compression=None, types=None, latched=
             if topic not in topics:
                 kind = (types or {}).get(topic, POLYGON)
                 topics[topic] = writer.add_connection(
-                    topic, kind, typestore=STORE,
+                    topic, kind, typestore=TYPES if kind in TYPES.types else STORE,
                     offered_qos_profiles=[LATCHED] if topic in latched else ())
             stamp = nanoseconds(time)
             data = content if isinstance(content, bytes) else serialised(content, stamp)

@@ -30,8 +30,8 @@ from sat_collision.scene.parameters import (
     check_names_given, declare_parameters, is_name_of, ParameterError, parameters_by_node,
     read_settings, type_problem)
 from sat_collision.scene.settings import (
-    CommandSettings, FootprintSettings, ObstacleSettings, POLYGON, POLYGON_INSTANCE, Settings,
-    Spec)
+    CommandSettings, FootprintSettings, ObstacleSettings, POLYGON, POLYGON_2D,
+    POLYGON_COLLECTION, POLYGON_INSTANCE, Settings, Spec)
 import yaml
 
 Source: TypeAlias = FootprintSettings | ObstacleSettings | CommandSettings
@@ -41,6 +41,8 @@ TWIST_TYPE = 'geometry_msgs/msg/Twist'
 _ODOMETRY = 'nav_msgs/msg/Odometry'
 _STAMPED_TWIST = 'geometry_msgs/msg/TwistStamped'
 _KINDS = {'geometry_msgs/msg/PolygonStamped': POLYGON,
+          'polygon_msgs/msg/Polygon2DStamped': POLYGON_2D,
+          'polygon_msgs/msg/Polygon2DCollection': POLYGON_COLLECTION,
           'geometry_msgs/msg/PolygonInstanceStamped': POLYGON_INSTANCE}
 _TYPES = {kind: name for name, kind in _KINDS.items()}
 _PARAMETERS = {field.name for field in fields(Settings)}
@@ -185,9 +187,13 @@ def settings_for(types: Mapping[str, str], parameters: Mapping[str, object],
     free = {topic: kind for topic, kind in polygons.items() if topic not in taken}
     for kind, topic in _detected(free, [kind for kind in defaults if kind not in said]).items():
         values.update(_named(kind, [topic], defaults[kind].name))
-    for source in settings_so_far().obstacles:
-        if source.topic in polygons:
-            values.setdefault(f'{source.name}.type', polygons[source.topic])
+    settings = settings_so_far()
+    sources: tuple[FootprintSettings | ObstacleSettings, ...] = (
+        *settings.footprints, *settings.obstacles)
+    for source in sources:
+        kind = polygons.get(source.topic, source.type)
+        if isinstance(source, ObstacleSettings) or kind in (POLYGON, POLYGON_2D):
+            values.setdefault(f'{source.name}.type', kind)
     return settings_of(values, node)
 
 
@@ -233,7 +239,7 @@ def _types_of(source: Source) -> tuple[str, ...]:
         return _TYPES[source.type],
     if source.has_outline:
         return _ODOMETRY if source.odometry else TRANSFORM_TYPE,
-    return _TYPES[POLYGON],
+    return _TYPES[source.type],
 
 
 def _named(kind: str, topics: Iterable[str], default: str) -> dict[str, object]:
@@ -261,7 +267,7 @@ def _detected(polygons: Mapping[str, str], kinds: list[str]) -> dict[str, str]:
     found: dict[str, str] = {}
     is_certain = True
     if 'footprints' in kinds:
-        plain = [topic for topic, kind in polygons.items() if kind == POLYGON]
+        plain = [topic for topic, kind in polygons.items() if kind in (POLYGON, POLYGON_2D)]
         named = [topic for topic in plain if 'footprint' in topic.lower()]
         candidates = plain if len(plain) == 1 else named
         is_certain = len(candidates) == 1 or not plain

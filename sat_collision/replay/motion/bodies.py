@@ -24,13 +24,13 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 from sat_collision.geometry.moving import STRIDE
+from sat_collision.geometry.packing import DOUBLE, PAIR, SIZES, TRIPLE
 from sat_collision.geometry.polygon import Affine2D, MAX_VERTICES, Polygon
-from sat_collision.messages.cdr import POINT_SIZE
 from sat_collision.messages.ingest import Placement
 from sat_collision.replay.motion.kernels import (
-    COUNT, describe, EARLIEST, END, FINISH, FIRST, follow, LAST, LATEST, MAY_REPEAT, MOTIONS,
+    COUNT, describe, EARLIEST, END, FINISH, FIRST, follow, LATEST, MAY_REPEAT, MOTIONS,
     MOTIONS_BEGIN, motions_between, MOTIONS_END, MOVED, POINT, POINTS_END, ROW, ROWS_END, STAMP,
-    START)
+    START, STEP)
 from sat_collision.scene.obstacles import ObstacleId
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -75,27 +75,39 @@ class Block:
         affines: list[Affine2D | None] = []
         rings = at = 0
         for number, placements in enumerate(sets):
-            for _, stamp, _, (data, where, count, _), affine, *_ in placements:
+            for _, stamp, _, (data, where, count, step), affine, *_ in placements:
                 run, points_at = 1, 0
                 if isinstance(where, int):
-                    data = data[where:where + POINT_SIZE * count]
-                else:
+                    data = data[where:where + SIZES[step] * count]
+                elif step == TRIPLE:
                     ends.append(where)
                     run, points_at = 1 + len(where), count
-                messages += number, run, at, stamp, points_at, len(data)
-                rings += run
+                if step == PAIR and (gap := -at % DOUBLE):
+                    pieces.append(bytes(gap))
+                    at += gap
+                if step == PAIR and not isinstance(where, int):
+                    # Each polygon of the message by itself.
+                    spans = np.asarray(where).reshape(-1, 2)
+                    messages += np.column_stack(np.broadcast_arrays(
+                        number, 1, at + spans[:, 0], stamp, 0, SIZES[step] * spans[:, 1],
+                        step)).ravel().tolist()
+                    rings += len(spans)
+                    affines += [affine] * len(spans)
+                else:
+                    messages += number, run, at, stamp, points_at, len(data), step
+                    rings += run
+                    affines.append(affine)
                 at += len(data)
                 pieces.append(data)
-                affines.append(affine)
         maps: Floats = _NO_PLANES
         if any(affines):
             maps = np.array([affine or _IDENTITY for affine in affines])
-        self.points = np.empty((at // POINT_SIZE, 2))
+        self.points = np.empty((at // SIZES[TRIPLE], 2))
         self.rings: Integers = np.empty((rings, 4), np.int64)
         self.boxes = np.empty((rings, 4))
         self.sets: Integers = np.zeros((len(sets), MOTIONS_END + 1), np.int64)
         described = self.points, self.rings, self.boxes, self.sets
-        describe(b''.join(pieces), np.array(messages, np.int64).reshape(-1, LAST + 1),
+        describe(b''.join(pieces), np.array(messages, np.int64).reshape(-1, STEP + 1),
                  np.concatenate(ends), maps, described)
         if longest and len(sets):
             rows, next_rows = np.empty((2, rings), np.int64)

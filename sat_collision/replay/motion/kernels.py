@@ -23,9 +23,10 @@ Arrays are written to, not returned: numba takes a microsecond to return one to 
 import math
 
 import numpy as np
-from sat_collision.geometry.jit import kernel, scratch, words_and_floats
+from sat_collision.geometry.jit import (
+    kernel, scratch, words_and_doubles, words_and_floats)
 from sat_collision.geometry.moving import STRIDE
-from sat_collision.geometry.packing import CONVEX, pack
+from sat_collision.geometry.packing import CONVEX, pack, PAIR
 
 # The bytes of a float32, and the float32s of a point in a message.
 _WORD = 4
@@ -40,8 +41,9 @@ FIRST, COUNT, STAMP, MOVED = range(4)
 # Columns of motions: where the vertices end, when the motion begins, and when it ends.
 END, START, FINISH = range(3)
 # Columns of messages, or runs of them: the set, how many rings there are, where the data begins,
-# the stamp, where in each message points start, and where in the data the last ones end.
-SET, RINGS, DATA, TIME, POINTS_AT, LAST = range(6)
+# the stamp, where in each message points start, where in the data the last ones end, and the
+# numbers of a point.
+SET, RINGS, DATA, TIME, POINTS_AT, LAST, STEP = range(7)
 # Columns of sets: where the rings begin and end, and the points; the first and the last stamp of a
 # ring, 0 if there is none; whether two rings may be equal bit by bit as received (always 1 if two
 # are); where the motions that lead to the set end, when the first begins, and when the last ends.
@@ -58,9 +60,9 @@ def describe(data, messages, ends, affines, out):
     ----------
     data : bytes
         The data of all messages.
-    messages : (m, 6) array of int64
-        SET to LAST of each message or run, in the order of the sets. Points are x, y and z as
-        float32.
+    messages : (m, 7) array of int64
+        SET to STEP of each message or run, in the order of the sets. Points are x, y and z as
+        float32, or x and y as float64, by STEP: TRIPLE or PAIR.
     ends : array of int64
         Where in the data of each run its messages end, except the last one.
     affines : (m, 6) array of float64
@@ -78,6 +80,7 @@ def describe(data, messages, ends, affines, out):
 
     """
     words, values = words_and_floats(data)
+    _, doubles = words_and_doubles(data)
     points, rings, boxes, sets = out
     keys = np.empty(len(rings), np.int64)
     message = listed = i = start = 0
@@ -86,6 +89,10 @@ def describe(data, messages, ends, affines, out):
         while message < len(messages) and messages[message, SET] == s:
             stamp = messages[message, TIME]
             data_at = messages[message, DATA]
+            # Words of a point, and of its x and y.
+            is_double = messages[message, STEP] == PAIR
+            size = 4 if is_double else _NUMBERS
+            used = 4 if is_double else 2
             end = 0
             row = i + messages[message, RINGS]
             for i in range(i, row):
@@ -94,18 +101,22 @@ def describe(data, messages, ends, affines, out):
                 if i < row - 1:
                     end = ends[listed]
                     listed += 1
-                length = (end - at) // (_WORD * _NUMBERS)
+                length = (end - at) // (_WORD * size)
                 at = (data_at + at) // _WORD
                 last = start + length - 1
                 key = length
                 left = bottom = math.inf
                 right = top = -math.inf
                 for k in range(start, last + 1):
-                    for word in range(at, at + 2):
+                    for word in range(at, at + used):
                         key = (_FACTOR * key + np.int64(words[word])) & _KEY_BITS
-                    x = values[at]
-                    y = values[at + 1]
-                    at += _NUMBERS
+                    if is_double:
+                        x = doubles[at // 2]
+                        y = doubles[at // 2 + 1]
+                    else:
+                        x = float(values[at])
+                        y = float(values[at + 1])
+                    at += size
                     if len(affines):
                         # As `packing.moved_points`.
                         a, b, c, d, e, f = affines[message]

@@ -133,7 +133,7 @@ def test_written_bag_is_the_same_without_ros_and_numba(tmp_path):
                                             as_live=True, write_bag=sys.argv[2]))
         print(result.problems, len(result.contacts), 'rclpy' in sys.modules)
     """, str(bag), str(tmp_path / 'plain'))
-    assert out == '[] 9 False\n'
+    assert out == '[] 19 False\n'
     with_ros = bytes_of(tmp_path / 'ros')
     assert len({topic for topic, _, _ in with_ros}) == 7
     assert with_ros == bytes_of(tmp_path / 'plain')

@@ -27,7 +27,7 @@ from abc import ABC, abstractmethod
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence, Set
 from dataclasses import dataclass
-from itertools import chain, compress, count, repeat
+from itertools import chain, compress, count, repeat, takewhile
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -358,8 +358,9 @@ class KeyTracker(Tracker):
         standing: defaultdict[int, dict[int, int]] = defaultdict(dict)
         found: dict[int, Bodies] = {}
         gone = []
-        for name, sighting in list(self._seen.items()):
-            bodies, row, _, seen_at, stamp = sighting
+        items = self._seen.items()
+        for name, (bodies, row, _, seen_at, stamp) in list(items) if replaced or is_over else [
+                *takewhile(lambda item: item[1].stamp < now - least, items)]:
             is_replaced = name in replaced
             if stamp >= now - least and not is_replaced:
                 continue
@@ -384,7 +385,7 @@ class KeyTracker(Tracker):
             for row, end in until.items():
                 name = rested.names[row]
                 if name in self._seen:
-                    self._seen[name] = self._seen[name]._replace(bodies=rested, stamp=end)
+                    self._seen[name] = self._seen.pop(name)._replace(bodies=rested, stamp=end)
 
     def _close(self) -> None:
         """End the group that is being received, and match its bodies to where they were last."""
@@ -400,7 +401,7 @@ class KeyTracker(Tracker):
         undetermined = 0
         for row, (name, one, stamp) in enumerate(
                 zip(seen.names, placements, seen.stamps.tolist())):
-            last = self._seen.get(name)
+            last = self._seen.pop(name, None)
             if last is not None:
                 passed = stamp - last.stamp
                 if 0 < passed <= self._longest and (

@@ -34,6 +34,7 @@ from sat_collision.scene.settings import FootprintSettings, NEVER
 
 # The row of a footprint, which is alone in its set.
 _ROW = np.zeros(1, np.int64)
+_MAX_OUTLINES = 256
 # min x, min y, max x, max y.
 Box: TypeAlias = tuple[float, float, float, float]
 
@@ -81,7 +82,8 @@ class Trajectory:
         self._pieces: list[Piece] = []
         self._starts: list[int] = []
         self._last: tuple[int, Bodies] | None = None
-        self._outline: tuple[int, Polygon | None] = -1, None
+        # By time, the outlines found last.
+        self._outlines: dict[int, Polygon] = {}
 
     def add(self, time: int, sample: Bodies) -> None:
         """Add a sample; one that is older than the last by up to `longest` is ignored."""
@@ -181,14 +183,13 @@ class Trajectory:
 
     def outline(self, time: int) -> Polygon | None:
         """Return the outline at a time, None if it is not known."""
-        if self._outline[0] != time:
-            piece = self._piece_at(time)
-            outline = None
-            if piece is not None:
-                with suppress(PolygonError):
-                    outline = piece.motion.polygon(0, time)
-            self._outline = time, outline
-        return self._outline[1]
+        outlines = self._outlines
+        if time not in outlines and (piece := self._piece_at(time)) is not None:
+            if len(outlines) >= _MAX_OUTLINES:
+                outlines.clear()
+            with suppress(PolygonError):
+                outlines[time] = piece.motion.polygon(0, time)
+        return outlines.get(time)
 
     def _piece_at(self, time: int) -> Piece | None:
         """Return the first piece that includes a time; pieces that meet share the sample there."""
@@ -204,6 +205,7 @@ class Trajectory:
             # The clock of the stamps was set back: the pieces so far belong to another time.
             self._pieces.clear()
             self._starts.clear()
+            self._outlines.clear()
         self._pieces.append(piece)
         self._starts.append(piece.begin)
 

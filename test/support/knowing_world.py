@@ -133,6 +133,7 @@ class Message:
         self.order = 0  # among all that was delivered, 0 if it was not
         self.time = 0  # that it counts from
         self.arrival = self.epoch_in = 0
+        self.until = 0  # when it waits no more
         # Or because it is from the future.
         self.is_refused = bool({*(body or '')} & {*'RU'}) or len(body or '') > MAX_COUNT
         self.placed_by = NEVER  # when its transform had come; it waits until then
@@ -202,7 +203,7 @@ class World:
         self.waits_since = []  # what was reported before something waited
         self.deliveries = 0
         self.epoch = 0
-        self.epoch_begun = -NEVER
+        self.epoch_begun = self.latest = -NEVER
         self.placed_at = -NEVER  # the stamp of the newest transform
         self.corrected = None  # whether the frame of a map is where it was corrected to
         if self.mode.frame == MOVING:
@@ -359,7 +360,7 @@ class World:
         self.now += {'little': -SECOND // 2, 'back': -5 * SECOND, 'ahead': 5 * SECOND}[how]
         if how != 'little':
             self.epoch += 1
-            self.epoch_begun = self.now
+            self.epoch_begun = self.latest = self.now
             if not self.mode.is_map:
                 self._drop_waiting()
             self.placed_at = -NEVER
@@ -387,7 +388,7 @@ class World:
             for stamp in (*begin, self.now):
                 self.monitor.receive_transforms('/tf', transforms(
                     ('map', 'bodies', stamp, 0.0, 0.0)), self.now)
-            self.placed_at = self.now
+            self.placed_at = max(self.placed_at, self.now)
         self._note_waiting()
 
     def _note_waiting(self):
@@ -547,6 +548,9 @@ class World:
             one.publisher.is_joined = True
             one.publisher.is_beside_others |= is_mixed or self.told != [one.publisher]
             one.arrival, one.epoch_in = self.now, self.epoch
+            # Those that wait are taken in the order of their arrival.
+            self.latest = max(self.latest, self.now)
+            one.until = self.latest + TRANSFORM_TIMEOUT
             one.is_refused |= not self.mode.is_map and one.stamp > self.now + TOLERANCE
             one.time = min(one.stamp or self.now, self.now)
             one.placed_by = self.now if self._has_place(one) else NEVER
@@ -627,7 +631,7 @@ class World:
 
     def _waits(self, message):
         """Tell whether a message that was delivered still waits for its transform."""
-        return message.placed_by == NEVER and self.now <= message.arrival + TRANSFORM_TIMEOUT
+        return message.placed_by == NEVER and self.now <= message.until
 
     def _touches(self, message):
         """Tell whether a message may be of a body that touches the footprint."""
@@ -669,7 +673,8 @@ class World:
         last = max(message.number for message in one.delivered)
         after = [message for message in one.sent if end.number < message.number <= last]
         return any(not message.order for message in after) or any(
-            message.arrival + LONGEST_OPEN < self.now for message in after
+            max(message.arrival, min(message.placed_by, message.until)) + LONGEST_OPEN < self.now
+            for message in after
             if message.listing not in one.complete or not all(
                 other.order for other in one.sent if other.listing == message.listing))
 

@@ -131,6 +131,47 @@ def test_invalid_bodies_are_refused(points, words):
         assert error.value.reason in (Reason.WRONG_SHAPE, Reason.EMPTY)
 
 
+class Geometry:
+    """Has a `__geo_interface__` that is given, or raised."""
+
+    def __init__(self, interface):
+        self.interface = interface
+
+    @property
+    def __geo_interface__(self):
+        if isinstance(self.interface, BaseException):
+            raise self.interface
+        return self.interface
+
+
+@pytest.mark.parametrize('interface', [
+    None, 7, 'Polygon', [], {}, {'type': 'Polygon'}, {'coordinates': [(0, 0)]},
+    {'type': ['Polygon'], 'coordinates': [SQUARE]}, {'type': {}, 'coordinates': ()},
+    *({'type': kind, 'coordinates': at}
+      for kind in ('Polygon', 'LineString', 'LinearRing', 'Point')
+      for at in (None, 7, 'text', {}, [None], [[None]], [[[None, 1]]], [[()]], [[(1,)]], {1: 2},
+                 [['ab', 'cd']], object(), [[SQUARE]], [{}],
+                 [[(0, 1), (1,)]], [[(0, 0), (0, '1')]], [[(0, 1j), (1, 1)]], Geometry(None))),
+    RuntimeError('lost'), KeyError('lost'), TypeError(), RecursionError(), MemoryError(),
+    ZeroDivisionError()])
+def test_broken_geometries_are_refused(interface):
+    """With the same kind of error, whatever is broken."""
+    for use in (Polygon, lambda body: PolygonSet([body]), lambda body: intersects(body, SQUARE)):
+        with pytest.raises(PolygonError) as error:
+            use(Geometry(interface))
+        assert error.value.reason in (Reason.WRONG_SHAPE, Reason.EMPTY) and str(error.value)
+    with pytest.raises(TypeError, match='one Geometry, but a set'):
+        PolygonSet(Geometry(interface))
+
+
+def test_geometries_of_arrays_are_accepted():
+    """Their coordinates may be of NumPy."""
+    square = np.array(SQUARE)
+    for kind, at in (('Polygon', square[None]), ('LinearRing', square), ('LineString', square[:2]),
+                     ('Point', square[0])):
+        assert intersects(Geometry({'type': kind, 'coordinates': at}), [(0, 0)])
+
+
 def test_holes_as_a_second_argument_are_refused():
     """As shapely.Polygon accepts them."""
     with pytest.raises(TypeError, match='max_vertices has to be an integer.*holes'):

@@ -52,7 +52,8 @@ try:
                           **options)(function)
 
     def _kept(function: Callable[..., Any]) -> Any:
-        compiled = _compiled(function, Whole)
+        # Without the interpreter lock, so that other threads go on.
+        compiled = _compiled(function, Whole, nogil=True)
         keep_compiled(compiled)
         return compiled
 

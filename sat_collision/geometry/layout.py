@@ -52,7 +52,7 @@ ENTRY_MASK = (1 << ENTRY_BITS) - 1
 
 # How many numbers a set has before its columns, and how many columns.
 _HEAD = 2
-_COLUMNS = 8
+_COLUMNS = 7
 
 _INFINITY = float('inf')
 
@@ -172,8 +172,6 @@ class Rows(NamedTuple):
     start: NDArray[np.int64]
     n: NDArray[np.int64]
     space: NDArray[np.int64]
-    # (r,) array of int64: room for the rows that a scan finds.
-    found: NDArray[np.int64]
     # Flat array of float64: the packed bodies.
     packed: NDArray[np.float64]
     # How many rows are, or were, in use.
@@ -189,13 +187,19 @@ def rows_of(array):
     whole = integers(column)
     return Rows(column, beyond(column, room), beyond(column, 2 * room), beyond(column, 3 * room),
                 beyond(whole, 4 * room), beyond(whole, 5 * room), beyond(whole, 6 * room),
-                beyond(whole, 7 * room), beyond(column, _COLUMNS * room), int(numbers[1]))
+                beyond(column, _COLUMNS * room), int(numbers[1]))
 
 
 @inlined
 def body_of(rows, row):
     """Return the packed body of a row."""
     return Packed(rows.packed, rows.start[row], rows.n[row])
+
+
+def packed_sizes(counts: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return `packed_size` of many counts."""
+    kinds, places = np.unique(counts, return_inverse=True)
+    return np.array([packed_size(kind) for kind in kinds.tolist()], np.int64)[places]
 
 
 def new_array(rows: int, doubles: int) -> NDArray[np.float64]:
@@ -216,3 +220,23 @@ def views_of(array: NDArray[np.float64]) -> Rows:
 def use_rows(array: NDArray[np.float64], used: int) -> None:
     """Set how many rows are in use."""
     array[1] = used
+
+
+def slices_of(array: NDArray[Any], starts: NDArray[np.int64],
+              sizes: NDArray[np.int64]) -> NDArray[Any]:
+    """Return slices of an array, one after another."""
+    offsets = starts + sizes - np.cumsum(sizes)
+    slices: NDArray[Any] = array[np.repeat(offsets, sizes) + np.arange(sizes.sum())]
+    return slices
+
+
+def value_of(array: Any) -> tuple[Any, ...]:
+    """Return how many rows a set has, which have a body, their vertices, and where these end."""
+    table = views_of(np.asarray(array))
+    rows = np.flatnonzero(table.n)
+    starts, counts = table.start[rows], table.n[rows]
+    is_convex = counts > 0
+    sizes = np.where(is_convex, packed_sizes(abs(counts)), table.packed[starts + 1]).astype(int)
+    firsts = np.where(is_convex, sizes - 2 * counts, table.packed[starts]).astype(int)
+    vertices = slices_of(table.packed, starts + firsts, sizes - firsts).reshape(-1, 2)
+    return table.used, rows, vertices, np.append(0, np.cumsum(sizes - firsts) // 2)

@@ -86,6 +86,9 @@ class PolygonError(ValueError):
         super().__init__(message)
         self.reason = reason
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.reason, *self.args), self.__dict__
+
 
 class Geometry(Protocol):
     """A geometry of shapely or another library that converts itself to one GeoJSON geometry."""
@@ -98,6 +101,8 @@ class Geometry(Protocol):
 class Polygon:
     """
     An immutable simple polygon, segment or point: a closed set in the plane.
+
+    Polygons are equal if their vertices are, and can be pickled.
 
     Repeated vertices, the closing vertex and vertices at which the boundary goes straight on are
     dropped, clockwise order is reversed, and the lexicographically least vertex (by x, then y)
@@ -263,6 +268,17 @@ class Polygon:
         min_x, min_y, max_x, max_y = self.packed[0][BOUNDS].tolist()
         return min_x, min_y, max_x, max_y
 
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Polygon):
+            return NotImplemented
+        return self.vertices.tobytes() == other.vertices.tobytes()
+
+    def __hash__(self) -> int:
+        return hash(self.vertices.tobytes())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.vertices, len(self.vertices))
+
     def __repr__(self) -> str:
         return f'Polygon({self.vertices.tolist()})'
 
@@ -303,13 +319,13 @@ def coordinates(points: BodyLike) -> NDArray[np.float64]:
     """Return x and y of points in the order given, (n, 2); raise `PolygonError` if that fails."""
     if isinstance(points, Polygon):
         raise _wrong('a Polygon, which has dropped and reordered vertices: give its points')
-    if hasattr(points, '__geo_interface__'):
-        points = _of_geometry(points.__geo_interface__)
+    if is_geometry(points):
+        points = _of_geometry(points)
     if isinstance(points, np.ma.MaskedArray):
         raise _wrong('a masked array: fill what is masked, or drop it')
     try:
         array = np.asarray(points)
-    except ValueError as error:
+    except Exception as error:  # raised by objects that pretend to be arrays
         raise _wrong(f'not an array of points: {error}') from error
     if array.size == 0 and array.ndim <= 2:
         raise _empty()
@@ -326,25 +342,41 @@ def coordinates(points: BodyLike) -> NDArray[np.float64]:
     except OverflowError as error:
         raise PolygonError(Reason.NOT_FINITE,
                            f'a coordinate is beyond the largest double: {error}') from error
-    except TypeError as error:
+    except (TypeError, ValueError) as error:
         raise _wrong(f'not an array of points: {error}') from error
 
 
-def _of_geometry(geometry: dict[str, Any]) -> list[Any]:
-    """Return the points of a GeoJSON geometry that is one body, without z."""
-    kind, at = geometry.get('type'), geometry.get('coordinates', ())
-    if kind == 'Polygon':
-        if len(at) > 1:
-            raise _wrong('a polygon with holes: a body is all that its outline encloses; cut it '
-                         'into polygons without holes')
-        at = at[0] if at else ()
-    elif kind == 'Point':
-        at = (at,) if at else ()
-    elif kind == 'LineString' and len(at) > 2:
-        raise _wrong(f'a LineString of {len(at)} points: only segments are bodies, give each')
-    elif kind not in ('LineString', 'LinearRing'):
-        raise _wrong(f'a {kind}, but a body is one Polygon, LinearRing, LineString or Point')
-    return [point[:2] for point in at]
+def is_geometry(body: Any) -> bool:
+    """Return whether an object has a `__geo_interface__`, even if reading it fails."""
+    try:
+        return hasattr(body, '__geo_interface__')
+    except Exception:  # raised by the object
+        return True
+
+
+def _of_geometry(body: Any) -> list[Any]:
+    """Return the points of a geometry that is one body, without z."""
+    try:
+        geometry = body.__geo_interface__
+        kind = geometry['type']
+        if kind not in ('Polygon', 'LinearRing', 'LineString', 'Point'):
+            raise _wrong(f'a {kind}, but a body is one Polygon, LinearRing, LineString or Point')
+        at = geometry['coordinates']
+        if kind == 'Polygon':
+            if len(at) > 1:
+                raise _wrong('a polygon with holes: a body is all that its outline encloses; cut '
+                             'it into polygons without holes')
+            at = at[0] if len(at) else ()
+        elif kind == 'Point':
+            at = (at,) if len(at) else ()
+        elif kind == 'LineString' and len(at) > 2:
+            raise _wrong(f'a LineString of {len(at)} points: only segments are bodies, give each')
+        return [tuple(point)[:2] for point in at]
+    except PolygonError:
+        raise
+    except Exception as error:  # whatever another library does wrong
+        raise _wrong('a __geo_interface__ that is not that of a GeoJSON geometry '
+                     f'({type(error).__name__}: {error})') from error
 
 
 def _wrong(message: str) -> PolygonError:

@@ -18,15 +18,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from operator import index
+from sys import getrefcount
+from threading import Lock
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sat_collision.geometry.jit import indexable
-from sat_collision.geometry.layout import new_array, use_rows, views_of
-from sat_collision.geometry.polygon import as_polygon, BodyLike, PackedBody, Polygon, size_of
+from sat_collision.geometry.layout import (
+    new_array, packed_size, packed_sizes, slices_of, use_rows, value_of, views_of)
+from sat_collision.geometry.packing import DOUBLE, PAIR
+from sat_collision.geometry.polygon import (
+    as_polygon, BodyLike, coordinates, is_geometry, MAX_VERTICES, PackedBody, Polygon,
+    PolygonError, Reason, size_of, UNMOVED)
 from sat_collision.geometry.prediction import first_row_met, motion_of, velocities_of
-from sat_collision.geometry.run import Run, write_run
+from sat_collision.geometry.run import IN_ONE_MESSAGE, Run, write_run
 from sat_collision.geometry.scan import (
     decide_rows, intersecting_rows, measure_rows, near_rows, NEAREST, NO_ROOM, UNCHANGED,
     write_and_intersect, write_row)
@@ -38,6 +44,7 @@ _FEWEST_ROWS = 16
 _FEWEST_DOUBLES = 1024
 _NO_ROWS = np.empty(0, np.int64)
 _NO_ARRAY = indexable(np.empty(0))
+_NO_BODIES = indexable(new_array(0, 0))
 
 
 class PolygonSet:
@@ -48,6 +55,10 @@ class PolygonSet:
     fits, or freed when the array is next rebuilt, which keeps it below four times what the bodies
     need.
 
+    Any number of threads may use a set. A query answers for the set as it is when the query
+    begins; a change meanwhile is made in a copy. Sets are equal if they have the same rows with
+    equal bodies; as they can change, they have no hash. They can be pickled.
+
     Parameters
     ----------
     bodies : iterable of Polygon, (n, 2) array_like or geometry, optional
@@ -56,7 +67,7 @@ class PolygonSet:
     Raises
     ------
     PolygonError
-        Points that do not make a polygon.
+        Points that do not make a polygon; the message begins with the row.
     TypeError
         One Polygon or geometry instead of several bodies.
 
@@ -72,17 +83,117 @@ class PolygonSet:
         self._used_rows = 0
         self._used_doubles = 0
         self._free: list[int] = []
+        # Held while the set changes, and while a query takes its array, but not while it reads it.
+        self._lock = Lock()
         self._use(new_array(_FEWEST_ROWS, _FEWEST_DOUBLES))
-        if isinstance(bodies, Polygon) or hasattr(bodies, '__geo_interface__'):
+        if isinstance(bodies, Polygon) or is_geometry(bodies):
             raise TypeError(f'one {type(bodies).__name__}, but a set is made of several bodies: '
                             'put it into a list')
-        for body in bodies:
-            self.append(body)
+        for row, body in enumerate(bodies):
+            self.append(_body_of_row(row, body))
+
+    @classmethod
+    def from_array(cls, points: ArrayLike, offsets: Any = None) -> PolygonSet:
+        """
+        Make a set of bodies whose points are in one array, which is fast if they are convex.
+
+        Parameters
+        ----------
+        points : (m, n, 2) or (m, n, 3) array_like; with offsets (k, 2) or (k, 3)
+            The n points of each of m bodies, in metres in one frame; or the points of all bodies,
+            one body after another. z is ignored.
+        offsets : (m + 1,) array_like of int, or tuple of such, optional
+            The index at which the points of each body begin, and that at which the last ones end;
+            or the offsets of polygons, line strings or points of `shapely.to_ragged_array`.
+
+        Raises
+        ------
+        PolygonError
+            Points that do not make a polygon; the message begins with the row.
+        ValueError
+            Offsets that are not integers, that decrease, or that are not indices of points.
+
+        Examples
+        --------
+        >>> PolygonSet.from_array([[(0, 0), (2, 2)], [(3, 0), (3, 1)]]).intersecting_rows([(1, 1)])
+        array([0])
+        >>> PolygonSet.from_array([(0, 0), (2, 2), (3, 0)], [0, 2, 3]).polygon(1)
+        Polygon([[3.0, 0.0]])
+
+        """
+        array = np.asanyarray(points)
+        if array.ndim != 3 - (offsets is not None):
+            raise PolygonError(Reason.WRONG_SHAPE, f'an array of shape {array.shape}, expected '
+                               '(m, n, 2), or (k, 2) with offsets')
+        if offsets is None:
+            ends = array.shape[1] * np.arange(len(array) + 1)
+            array = array.reshape(-1, array.shape[2])
+        else:
+            ends = _ends(offsets, len(array))
+        bodies = cls()
+        try:
+            doubles = coordinates(array[:, :2] if array.shape[1] == 3 else array)
+        except PolygonError:
+            # One by one, to say which row it is.
+            for row, (start, end) in enumerate(zip(ends, ends[1:])):
+                bodies.append(_body_of_row(row, array[start:end]))
+        else:
+            bodies._fill(len(ends) - 1, np.arange(len(ends) - 1), doubles, ends, MAX_VERTICES)
+        return bodies
+
+    def _fill(self, used: int, rows: NDArray[np.int64], points: NDArray[np.float64],
+              ends: NDArray[np.int64], limit: int) -> None:
+        """Put bodies of up to `limit` vertices into rows of an empty set, all in one call."""
+        counts = np.diff(ends)
+        sizes = packed_sizes(counts.clip(max=limit + 1))
+        self._used_rows = used
+        self._used_doubles = int(sizes.sum())
+        self._use(new_array(max(_FEWEST_ROWS, used), max(_FEWEST_DOUBLES, self._used_doubles)))
+        self._rows.start[rows] = np.cumsum(sizes) - sizes
+        self._rows.space[rows] = sizes
+        data = points.tobytes()
+        spans = indexable(np.column_stack([PAIR * DOUBLE * ends[:-1], counts]).ravel())
+        space = indexable(np.empty(packed_size(limit + 1)))
+        others: list[tuple[int, PackedBody]] = []
+        done = 0
+        while True:
+            run = data, spans, done, IN_ONE_MESSAGE, UNMOVED, limit, space
+            done += write_run(run, self._array, indexable(rows), done, len(rows), _NO_BODIES, 0.0)
+            if done == len(rows):
+                break
+            # It is not convex, or not valid.
+            body = points[ends[done]:ends[done + 1]]
+            others.append((int(rows[done]), _body_of_row(done, body, limit).packed))
+            done += 1
+        for row, packed in others:
+            self._place(row, packed, _EMPTY)
 
     def _use(self, array: NDArray[np.float64]) -> None:
         use_rows(array, self._used_rows)
-        self._array = indexable(array)
         self._rows = views_of(array)
+        # A view of its own, so that only queries refer to it as well.
+        self._array = indexable(array[:])
+
+    def _keep_for_readers(self) -> None:
+        """Before a change: if queries are reading the array, leave it to them and use a copy."""
+        if getrefcount(self._array) > _REFERENCES:
+            self._use(np.array(self._array))
+
+    def _snapshot(self) -> Any:
+        """Return the array as it is, for a query: it does not change while it is referred to."""
+        with self._lock:
+            return self._array
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, PolygonSet):
+            return NotImplemented
+        values = value_of(self._snapshot()), value_of(other._snapshot())
+        return all(np.array_equal(one, another) for one, another in zip(*values))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        with self._lock:
+            array, free = self._array, self._free.copy()
+        return _restored, (type(self), free, *value_of(array))
 
     def __len__(self) -> int:
         """Return the number of rows with a body."""
@@ -104,8 +215,10 @@ class PolygonSet:
 
         """
         packed = as_polygon(body).packed
-        row = self._new_row()
-        self._place(row, packed, _EMPTY)
+        with self._lock:
+            self._keep_for_readers()
+            row = self._new_row()
+            self._place(row, packed, _EMPTY)
         return row
 
     def _new_row(self) -> int:
@@ -113,7 +226,7 @@ class PolygonSet:
         if self._free:
             return self._free.pop()
         row = self._used_rows
-        if row == len(self._rows.found):
+        if row == len(self._rows.n):
             self._rebuild(2 * row, len(self._rows.packed))
         self._used_rows += 1
         use_rows(self._array, self._used_rows)
@@ -131,7 +244,10 @@ class PolygonSet:
             Points that do not make a polygon; the set is unchanged.
 
         """
-        self._place(self._checked(row), as_polygon(body).packed, _EMPTY)
+        packed = as_polygon(body).packed
+        with self._lock:
+            self._keep_for_readers()
+            self._place(self._checked(row), packed, _EMPTY)
 
     def _place(self, row: int, body: PackedBody, others: PolygonSet,
                margin: float = 0.0) -> list[int] | None:
@@ -143,17 +259,18 @@ class PolygonSet:
         packed, count = body
         while True:
             if margin == 0.0:
-                outcome = write_and_intersect(self._array, row, packed, count, others._array)
+                outcome, found = write_and_intersect(self._array, row, packed, count,
+                                                     others._array)
             else:
                 outcome = write_row(self._array, row, packed, count)
                 if outcome == 0:
-                    outcome = near_rows(others._array, packed, count, margin, _NO_ROWS)[0]
+                    found = near_rows(others._array, packed, count, margin, _NO_ROWS)[-1]
             if outcome == NO_ROOM:
                 self._make_room(row, size_of(body))
             elif outcome == UNCHANGED:
                 return None
             else:
-                return others._rows.found[:outcome].tolist() if outcome else []
+                return [] if found is None else found.tolist()
 
     def remove(self, row: int) -> None:
         """
@@ -165,7 +282,9 @@ class PolygonSet:
             The row has no body.
 
         """
-        self._remove(self._checked(row))
+        with self._lock:
+            self._keep_for_readers()
+            self._remove(self._checked(row))
 
     def _remove(self, row: int) -> None:
         """Remove the body of a row, if it has one, and free the row for another."""
@@ -182,7 +301,8 @@ class PolygonSet:
             The row has no body.
 
         """
-        return self._polygon(self._checked(row))
+        with self._lock:
+            return self._polygon(self._checked(row))
 
     def _polygon(self, row: int) -> Polygon:
         """Return the body of a row that has one."""
@@ -209,8 +329,10 @@ class PolygonSet:
 
         """
         packed, count = as_polygon(body).packed
-        found = intersecting_rows(self._array, packed, count)
-        return self._rows.found[:int(found)].copy() if found else _NO_ROWS
+        with self._lock:
+            array = self._array
+        found = intersecting_rows(array, packed, count)
+        return _NO_ROWS if found is None else np.asarray(found)
 
     def rows_within(self, body: BodyLike, margin: float) -> NDArray[np.int64]:
         """
@@ -232,12 +354,7 @@ class PolygonSet:
         """
         if not margin >= 0.0:
             raise ValueError(f'margin {margin}, but it has to be 0 or more')
-        if margin == 0.0:
-            return self.intersecting_rows(body)
-        packed, count = as_polygon(body).packed
-        found = near_rows(self._array, packed, count, float(margin), _NO_ROWS)[0]
-        rows: NDArray[np.int64] = self._rows.found[:found].copy()
-        return rows
+        return _rows_within(self._snapshot(), as_polygon(body), float(margin))
 
     def nearest(self, body: BodyLike, skipped: Iterable[int] = ()
                 ) -> tuple[int, float, Point, Point] | None:
@@ -263,8 +380,8 @@ class PolygonSet:
 
         """
         packed, count = as_polygon(body).packed
-        row, separation, ax, ay, bx, by = near_rows(
-            self._array, packed, count, NEAREST, _ascending(skipped))
+        row, separation, ax, ay, bx, by, _ = near_rows(
+            self._snapshot(), packed, count, NEAREST, _ascending(skipped))
         return None if row < 0 else (row, separation, (ax, ay), (bx, by))
 
     def first_contact(self, footprint: BodyLike, twist: ArrayLike, horizon: float,
@@ -303,20 +420,22 @@ class PolygonSet:
                    skipped: Iterable[int] = ()) -> tuple[int, float] | None:
         """Return the same for a `prediction.Motion`, leaving out the rows skipped."""
         polygon = as_polygon(footprint)
-        moves = velocities_of(velocities, self._used_rows)
+        array = self._snapshot()
+        moves = velocities_of(velocities, int(array[1]))
         skipped = set(skipped)
-        for row in self.rows_within(polygon, motion[-1]).tolist():
+        for row in _rows_within(array, polygon, float(motion[-1])).tolist():
             if row not in skipped:
                 return row, 0.0
         packed, count = polygon.packed
-        row, time = first_row_met(self._array, packed, count, indexable(motion),
+        row, time = first_row_met(array, packed, count, indexable(motion),
                                   indexable(moves), _ascending(skipped))
         return None if row < 0 else (row, time)
 
     def intersects(self, body: BodyLike) -> NDArray[np.bool_]:
         """Return for each row whether its body shares a point with a body: (m,) bool."""
-        answers = np.zeros(self._used_rows, np.bool_)
-        answers[self.intersecting_rows(body)] = True
+        array = self._snapshot()
+        answers = np.zeros(int(array[1]), np.bool_)
+        answers[_rows_within(array, as_polygon(body), 0.0)] = True
         return answers
 
     def intersects_pairs(self, other: PolygonSet) -> NDArray[np.bool_]:
@@ -331,41 +450,32 @@ class PolygonSet:
             The sets differ in length.
 
         """
-        self._require_pairs(other)
-        answers = np.empty(self._used_rows, np.int8)
-        decide_rows(self._array, other._array, answers)
+        array, other_array, used = self._paired(other)
+        answers = np.empty(used, np.int8)
+        decide_rows(array, other_array, answers)
         meet: NDArray[np.bool_] = answers == MEET
         return meet
 
     def separations(self, other: PolygonSet) -> NDArray[np.float64]:
         """
-        Return for each row the signed distance of its body from that row's in another set, metres.
+        Return for each row the `separation` of its body from that row's in another set: (m,), m.
 
-        Returns
-        -------
-        (m,) ndarray
-            As returned by `separation`; infinite where a row has no body.
-
-        Raises
-        ------
-        TypeError
-            The other is not a PolygonSet.
-        ValueError
-            The sets differ in length.
-
+        It is infinite where a row has no body. The errors are those of `intersects_pairs`.
         """
-        self._require_pairs(other)
-        values = np.empty(self._used_rows)
-        measure_rows(self._array, other._array, indexable(values))
+        array, other_array, used = self._paired(other)
+        values = np.empty(used)
+        measure_rows(array, other_array, indexable(values))
         return values
 
-    def _require_pairs(self, other: PolygonSet) -> None:
+    def _paired(self, other: PolygonSet) -> tuple[Any, Any, int]:
+        """Return the arrays of two sets of as many rows, and how many these are."""
         if not isinstance(other, PolygonSet):
             raise TypeError(f'a {type(other).__name__}, but rows are paired with those of a '
                             'PolygonSet: make one of the bodies')
-        if self._used_rows != other._used_rows:
-            raise ValueError(f'{self._used_rows} bodies cannot be paired with '
-                             f'{other._used_rows}')
+        array, other_array = self._snapshot(), other._snapshot()
+        if array[1] != other_array[1]:
+            raise ValueError(f'{int(array[1])} bodies cannot be paired with {int(other_array[1])}')
+        return array, other_array, int(array[1])
 
     def _make_room(self, row: int, size: int) -> None:
         """Reserve space for a packed body of a row, at the end of the space in use."""
@@ -373,7 +483,7 @@ class PolygonSet:
         rows.n[row] = 0
         if self._used_doubles + size > len(rows.packed):
             live = int(rows.space[rows.n != 0].sum())
-            self._rebuild(len(rows.found), max(_FEWEST_DOUBLES, 2 * (live + size)))
+            self._rebuild(len(rows.n), max(_FEWEST_DOUBLES, 2 * (live + size)))
         self._rows.start[row] = self._used_doubles
         self._rows.space[row] = size
         self._used_doubles += size
@@ -381,21 +491,19 @@ class PolygonSet:
     def _rebuild(self, room: int, doubles: int) -> None:
         """Move everything to an array with other room, without gaps between bodies."""
         old = self._rows
+        rows = np.flatnonzero(old.n)
+        sizes = old.space[rows]
         self._use(new_array(room, doubles))
-        end = 0
-        for row in np.flatnonzero(old.n):
-            start, size = old.start[row], old.space[row]
-            self._rows.packed[end:end + size] = old.packed[start:start + size]
-            for name in ('min_x', 'min_y', 'max_x', 'max_y', 'n', 'space'):
-                getattr(self._rows, name)[row] = getattr(old, name)[row]
-            self._rows.start[row] = end
-            end += size
-        self._used_doubles = end
+        for name in ('min_x', 'min_y', 'max_x', 'max_y', 'n', 'space'):
+            getattr(self._rows, name)[rows] = getattr(old, name)[rows]
+        self._rows.start[rows] = np.cumsum(sizes) - sizes
+        self._used_doubles = int(sizes.sum())
+        self._rows.packed[:self._used_doubles] = slices_of(old.packed, old.start[rows], sizes)
 
 
 class PackedSet(PolygonSet):
     """
-    A PolygonSet for callers that keep track of rows themselves: rows are not checked.
+    A PolygonSet for one thread that keeps track of rows itself: rows are not checked.
 
     A wrong row overwrites memory. Rows may be empty, and bodies are given packed.
     """
@@ -435,6 +543,46 @@ class PackedSet(PolygonSet):
         self._rows.n[rows] = 0
 
 
+def _body_of_row(row: int, body: BodyLike, limit: int = MAX_VERTICES) -> Polygon:
+    """Return a body as a Polygon; an error begins with the row."""
+    try:
+        return body if isinstance(body, Polygon) else Polygon(body, limit)
+    except PolygonError as error:
+        raise PolygonError(error.reason, f'body {row}: {error}') from error
+
+
+def _ends(offsets: Any, count: int) -> NDArray[np.int64]:
+    """Return where the points of each body begin and the last ones end, see `from_array`."""
+    ends = np.arange(count + 1)
+    levels: tuple[Any, ...] = offsets if isinstance(offsets, tuple) else (offsets,)
+    for level in map(np.asarray, levels):
+        if (len(levels) > 2 or level.ndim != 1 or level.dtype.kind not in 'iu' or not len(level)
+                or level[0] < 0 or level[-1] >= len(ends) or (level[1:] < level[:-1]).any()):
+            raise ValueError(f'offsets {offsets!r}, but they have to be ascending indices of '
+                             'points, or as shapely has them for polygons, lines or points')
+        ends = ends[level]
+    if len(levels) == 2 and (holes := np.flatnonzero(np.diff(levels[1]) > 1)).size:
+        raise PolygonError(Reason.WRONG_SHAPE, f'body {holes[0]}: a polygon with holes')
+    return ends
+
+
+def _restored(kind: type[PolygonSet], free: list[int], used: int, rows: NDArray[np.int64],
+              vertices: NDArray[np.float64], ends: NDArray[np.int64]) -> PolygonSet:
+    """Return a set that was pickled."""
+    bodies = kind()
+    bodies._fill(used, rows, vertices, ends, int(np.diff(ends).max(initial=1)))
+    bodies._free = free
+    return bodies
+
+
+def _rows_within(array: Any, body: Polygon, margin: float) -> NDArray[np.int64]:
+    """Return the rows of a set that are no further than a margin from a body."""
+    packed, count = body.packed
+    found = (intersecting_rows(array, packed, count) if margin == 0.0
+             else near_rows(array, packed, count, margin, _NO_ROWS)[-1])
+    return _NO_ROWS if found is None else np.asarray(found)
+
+
 def _ascending(rows: Iterable[int]) -> NDArray[np.int64]:
     """Return rows in ascending order, as an array that kernels read."""
     array: NDArray[np.int64] = indexable(np.sort(np.fromiter(rows, np.int64)))
@@ -442,3 +590,4 @@ def _ascending(rows: Iterable[int]) -> NDArray[np.int64]:
 
 
 _EMPTY = PolygonSet()
+_REFERENCES = getrefcount(_EMPTY._array)

@@ -157,18 +157,19 @@ def first_row_met(set_array, body, count, motion, velocities, skipped):
     rows = rows_of(set_array)
     path = _path(packed_polygon(body, count), motion)
     # The box after those of the pieces is that of the whole path.
-    candidates = 0
+    candidates = scratch_integers(rows.used)
+    count = 0
     for row in range(rows.used):
         if (rows.n[row] != 0 and _may_meet(path, path.pieces, rows, row, velocities)
                 and not contains(skipped, row) and not _is_beside(path, rows, row, velocities)):
-            rows.found[candidates] = row
-            candidates += 1
+            candidates[count] = row
+            count += 1
     first = -1
     time = math.inf
     piece = 0
     while first < 0 and piece < path.pieces:
-        for k in range(candidates):
-            row = rows.found[k]
+        for k in range(count):
+            row = candidates[k]
             if _may_meet(path, piece, rows, row, velocities):
                 found = _first_contact_in_piece(path, piece, rows, row, velocities, time)
                 if found < time:

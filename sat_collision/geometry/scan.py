@@ -96,32 +96,46 @@ def write_row(set_array, row, body, count):
 
 @kernel
 def write_and_intersect(set_array, row, body, count, others):
-    """Write a body as `write_row` does; if that returns 0, find its `intersecting_rows`."""
+    """Write a body as `write_row` does; if that returns 0, add its `intersecting_rows`."""
     outcome = write_row(set_array, row, body, count)
-    return intersecting_rows(others, body, count) if outcome == 0 else outcome
+    if outcome != 0:
+        return outcome, None
+    return outcome, intersecting_rows(others, body, count)
 
 
 @kernel
 def intersecting_rows(set_array, body, count):
-    """Write the rows that share a point with a body into found, ascending; return how many."""
+    """Return the rows that share a point with a body, ascending; None if there is none."""
     require_nearest(count)
     rows = rows_of(set_array)
     body = packed_polygon(body, count)
+    found = scratch_integers(rows.used)
     hits = 0
-    for k in range(_near_rows(rows, body.array)):
-        row = rows.found[k]
+    for k in range(_near_rows(rows, body.array, found)):
+        row = found[k]
         verdict = filtered_verdict(body_of(rows, row), body)
         if verdict == MEET or (verdict == UNCERTAIN and bodies_meet(body_of(rows, row), body)):
-            rows.found[hits] = row
+            found[hits] = row
             hits += 1
-    return hits
+    return _first(found, hits)
+
+
+@inner
+def _first(numbers, count):
+    """Return the first of some integers, None for no integers."""
+    if count == 0:
+        return None
+    first = scratch_integers(count)
+    for k in range(count):
+        first[k] = numbers[k]
+    return first
 
 
 if COMPILED:
     @inner
-    def _near_rows(rows, body):
+    def _near_rows(rows, body, found):
         """Write the rows whose bounds overlap a body's into found, ascending; return how many."""
-        found = rows.found
+        found = elements(found)
         min_x = body[2]
         min_y = body[3]
         max_x = body[4]
@@ -134,37 +148,39 @@ if COMPILED:
                      & (rows.min_y[row] <= max_y) & (rows.max_y[row] >= min_y))
         return near
 else:
-    def _near_rows(rows, body):
+    def _near_rows(rows, body, found):
         """Write the rows whose bounds overlap a body's into found, ascending; return how many."""
         min_x, min_y, max_x, max_y = (np.asarray(column)[:rows.used] for column in rows[:4])
         near = np.flatnonzero((min_x <= body[4]) & (max_x >= body[2])
                               & (min_y <= body[5]) & (max_y >= body[3]))
-        np.asarray(rows.found)[:len(near)] = near
+        np.asarray(found)[:len(near)] = near
         return len(near)
 
 
 @kernel
 def near_rows(set_array, body, count, margin, skipped):
     """
-    Write the rows no further than a margin from a body into found, ascending; return how many.
+    Return the rows no further than a margin from a body, ascending, as the last of seven values.
 
     If the margin is NEAREST, find instead the row nearest to the body, or deepest in it, of those
-    that are not skipped, an ascending array; returned are the row, -1 if there is none, and the
-    separation and closest points x, y, x, y of its body and the other. One kernel does both,
-    because `measure` takes a second to compile.
+    that are not skipped, an ascending array; the first values are the row, -1 if there is none,
+    and the separation and closest points x, y, x, y of its body and the other. One kernel does
+    both, because `measure` takes a second to compile.
     """
     require_nearest(count)
     rows = rows_of(set_array)
     body = packed_polygon(body, count)
     if margin == NEAREST:
-        return _nearest_row(rows, body, skipped)
+        row, least, ax, ay, bx, by = _nearest_row(rows, body, skipped)
+        return row, least, ax, ay, bx, by, None
+    found = scratch_integers(rows.used)
     hits = 0
     for row in range(rows.used):
         if (rows.n[row] != 0 and box_gap(rows, row, body.array) <= margin
                 and measure(body_of(rows, row), body)[0] <= margin):
-            rows.found[hits] = row
+            found[hits] = row
             hits += 1
-    return hits, 0.0, 0.0, 0.0, 0.0, 0.0
+    return -1, 0.0, 0.0, 0.0, 0.0, 0.0, _first(found, hits)
 
 
 @inner

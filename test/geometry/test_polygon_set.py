@@ -14,13 +14,16 @@
 """Sets of bodies: changes, pairs with another set, and queries by one body."""
 
 import math
+import time
 
 from bodies import as_shapely, random_body
 import numpy as np
 import pytest
 from sat_collision import (
     intersects, intersects_many, intersects_pairs, Polygon, PolygonError, PolygonSet, separation)
+from sat_collision.geometry.jit import COMPILED
 from sat_collision.geometry.polygon_set import PackedSet
+import shapely
 
 
 def test_random_changes_of_a_set():
@@ -226,3 +229,103 @@ def test_margin_is_inclusive():
     footprint = Polygon([(0, 0), (1, 0), (1, 1), (0, 1)])
     assert bodies.rows_within(footprint, 0.25).tolist() == [0]
     assert bodies.rows_within(footprint, np.nextafter(0.25, 0)).tolist() == []
+
+
+def regular(rng, count, n):
+    angles = np.linspace(0, 2 * np.pi, n, endpoint=False)
+    return rng.uniform(0, 50, (count, 1, 2)) + np.column_stack([np.cos(angles), np.sin(angles)])
+
+
+@pytest.mark.parametrize('number', [np.float64, np.float32, np.int16, object])
+@pytest.mark.parametrize('n', [1, 2, 3, 17, 300])
+def test_sets_from_an_array(number, n):
+    """As one by one, with and without z."""
+    rng = np.random.default_rng(6)
+    points = (100 * regular(rng, 40, n)).astype(number)
+    points[:n] += points[:n, ::-1]
+    try:
+        expected = PolygonSet(list(points))
+    except PolygonError as error:
+        with pytest.raises(PolygonError) as other:
+            PolygonSet.from_array(points)
+        assert (str(other.value), other.value.reason) == (str(error), error.reason)
+        return
+    bodies = PolygonSet.from_array(points)
+    assert bodies == expected and len(bodies) == 40
+    if n != 2:
+        assert PolygonSet.from_array(np.append(points, points[..., :1], axis=2)) == expected
+    assert bodies.append(points[0]) == 40
+    bodies.replace(3, [(0, 0), (9, 0), (9, 9), (8, 1)])
+    assert bodies.polygon(4) == expected.polygon(4)
+
+
+def test_sets_from_a_ragged_array():
+    """Not convex ones among them, and what shapely makes of them."""
+    rng = np.random.default_rng(7)
+    bodies = [random_body(rng) for _ in range(200)]
+    expected = PolygonSet(bodies)
+    points = np.concatenate([body.vertices for body in bodies])
+    offsets = np.cumsum([0] + [len(body.vertices) for body in bodies])
+    assert PolygonSet.from_array(points, offsets) == expected
+    assert PolygonSet.from_array(points, offsets[50:]) == PolygonSet(bodies[50:])
+    shapes = [as_shapely(body) for body in bodies]
+    for kind in ('Polygon', 'LineString', 'Point'):
+        some = [shape for shape in shapes if shape.geom_type == kind]
+        assert len(some) > 5
+        _, *ragged = shapely.to_ragged_array(some)
+        assert PolygonSet.from_array(*ragged) == PolygonSet(some)
+    assert len(PolygonSet.from_array(np.empty((0, 4, 2)))) == 0
+    assert len(PolygonSet.from_array(np.empty((0, 2)), [0])) == 0
+
+
+SQUARES = np.array([[(0, 0), (1, 0), (1, 1), (0, 1)]] * 5, float)
+BOW_TIE = np.insert(SQUARES, 3, [(0, 0), (1, 1), (1, 0), (0, 1)], axis=0)
+NOT_FINITE = np.where(np.arange(5)[:, None, None] == 2, np.nan, SQUARES)
+
+
+@pytest.mark.parametrize('arguments, words', [
+    ((BOW_TIE,), 'body 3: the edge from .* meets the edge'),
+    ((NOT_FINITE,), 'body 2: vertex 0 is not finite'),
+    ((NOT_FINITE.reshape(-1, 2), [0, 4, 8, 11, 20]), 'body 2: vertex 0 is not finite'),
+    ((BOW_TIE.astype(object),), 'body 3: the edge from'),
+    ((np.where(SQUARES == 1, np.array(10 ** 400, object), 0),), 'body 0: a coordinate is beyond'),
+    ((SQUARES.astype(str),), 'body 0: coordinates that are not numbers but str'),
+    ((np.ma.masked_equal(SQUARES, 1),), 'body 0: a masked array'),
+    ((np.ones((4, 3, 5)),), r'body 0: points of shape \(3, 5\)'),
+    ((np.empty((4, 0, 2)),), 'body 0: no points'),
+    ((np.empty((0, 2)), [0, 0]), 'body 0: no points'),
+    ((SQUARES[0], [0, 3, 3]), 'body 1: no points'),
+    ((regular(np.random.default_rng(0), 3, 1025),), 'body 0: 1025 vertices, but at most 1024'),
+    ((SQUARES[0],), r'an array of shape \(4, 2\), expected \(m, n, 2\)'),
+    ((SQUARES, [0, 4]), r'an array of shape \(5, 4, 2\)'),
+    (shapely.to_ragged_array([shapely.box(0, 0, 1, 1), shapely.box(0, 0, 3, 3)
+                              - shapely.box(1, 1, 2, 2)])[1:], 'body 1: .* holes'),
+])
+def test_invalid_arrays_are_refused(arguments, words):
+    """The message names the body, as that of an invalid list does."""
+    with pytest.raises(PolygonError, match=words):
+        PolygonSet.from_array(*arguments)
+    if len(arguments) == 1 and words[:4] == 'body':
+        with pytest.raises(PolygonError, match=words):
+            PolygonSet([*arguments[0]])
+
+
+@pytest.mark.parametrize('offsets', [
+    [0, 4, 3], [0, 5], [-1, 4], [0.0, 4.0], [], 3, [[0, 4]], ([0, 4], [0, 2]), ('0', '4'),
+    ([0, 4], [0, 1], [0, 1])])
+def test_invalid_offsets_are_refused(offsets):
+    with pytest.raises(ValueError, match='offsets') as error:
+        PolygonSet.from_array(SQUARES[0], offsets)
+    assert not isinstance(error.value, PolygonError)
+
+
+def test_an_array_is_faster_than_one_by_one():
+    points = regular(np.random.default_rng(8), 5000, 4)
+    costs = []
+    for make in (PolygonSet, PolygonSet.from_array):
+        costs.append(np.inf)
+        for _ in range(5):
+            begin = time.process_time()
+            make(points)
+            costs[-1] = min(costs[-1], time.process_time() - begin)
+    assert costs[1] < costs[0] / (8 if COMPILED else 0.9)

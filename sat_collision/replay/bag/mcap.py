@@ -427,8 +427,11 @@ class _Misplaced(Damage):
     """Damage after which the next record cannot be found."""
 
     def __init__(self, where: int, words: str) -> None:
-        super().__init__(words)
+        super().__init__(where, words)
         self.where = where
+
+    def __str__(self) -> str:
+        return str(self.args[1])
 
 
 def _text(content: bytes, at: int) -> tuple[str, int]:

@@ -25,6 +25,7 @@ so times to collision must be those until they meet, and none may be given while
 import argparse
 import bisect
 import contextlib
+from importlib.util import find_spec
 import math
 import operator
 from pathlib import Path
@@ -61,10 +62,13 @@ _THRESHOLD = 1.0
 _FORMS = (Form('obstacle', 'obstacles'), Form('unmarked', 'unmarked', has_marks=False),
           Form('stamped', 'stamped', has_marks=False), Form('tracked', 'tracked', False, True),
           Form('mapped', 'mapped', is_counted=False))
+if find_spec('polygon_msgs'):
+    _FORMS += (Form('whole', 'whole', is_whole=True),)
 _PARAMETERS = {'obstacles': f'[{", ".join(form.source for form in _FORMS)}, walker]',
                'obstacle.topic': 'obstacles', 'stamped.set_end': 'new_stamp',
                'unmarked.timeout': 0.5, 'tracked.timeout': 0.5, 'future_tolerance': 0.5,
                'tracked.type': 'polygon_instance',
+               **({'whole.type': 'polygon_collection'} if len(_FORMS) > 5 else {}),
                'mapped.timeout': 0.0, 'mapped.set_end': 'empty_polygon',
                'walker.type': 'polygon_instance', 'walker.moving': 'true',
                'footprint.min_time_to_collision': _THRESHOLD}

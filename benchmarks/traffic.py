@@ -20,6 +20,7 @@ import struct
 import time
 from typing import NamedTuple
 
+from builders import collection
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
 import numpy as np
@@ -29,6 +30,8 @@ from rclpy.serialization import deserialize_message
 from std_msgs.msg import Bool, Float64
 
 _FRAME = 'map'
+# Bytes up to the end of the stamp.
+_STAMPED = 12
 _VARIANTS = 8
 _PAUSE = 50e-6
 _AFTERMATH = 0.2
@@ -48,6 +51,7 @@ class Form(NamedTuple):
     has_marks: bool = True  # whether an empty polygon ends each set
     has_ids: bool = False
     is_counted: bool = True  # whether a node receives each message once
+    is_whole: bool = False  # whether a set is one message
 
 
 _MARKED = Form('obstacle', 'obstacles')
@@ -112,6 +116,9 @@ class Traffic:
                 for form in forms:
                     moved[0] = 0.0 if form is forms[met] else (-500.0, 0.0)
                     outlines = [regular(vertices, x, y, 0.5) for x, y in moved]
+                    if form.is_whole:
+                        messages.append((form, collection(outlines, 0, _FRAME)[_STAMPED:]))
+                        continue
                     outlines += [np.empty((0, 2))] * form.has_marks
                     messages += [(form, tail(outline, k if form.has_ids else None))
                                  for k, outline in enumerate(outlines, 1)]
@@ -133,6 +140,9 @@ class Traffic:
 
     def _new_publisher(self, form):
         kind = PolygonInstanceStamped if form.has_ids else PolygonStamped
+        if form.is_whole:
+            # Not every environment has it.
+            from polygon_msgs.msg import Polygon2DCollection as kind
         return self.node.create_publisher(kind, form.topic, QoSProfile(depth=1000))
 
     def restart(self):

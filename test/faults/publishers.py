@@ -29,7 +29,7 @@ import signal
 import time
 from typing import Any, NamedTuple
 
-from builders import box, odometry, serialised, transforms
+from builders import box, collection, odometry, serialised, transforms
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
 import rclpy
 from rclpy.duration import Duration
@@ -89,6 +89,8 @@ class Topic:
         self._world, self._ended, self._sent = shared
         self.publisher = node.create_publisher(kind, name, profile(qos))
         self._with_ids = kind is PolygonInstanceStamped
+        # The set that is gathered, where all of it goes into one message.
+        self._gathered = [] if kind.__name__ == 'Polygon2DCollection' else None
 
     @property
     def touching(self) -> bool:
@@ -109,6 +111,9 @@ class Topic:
     def send(self, points: Sequence[tuple[float, ...]], stamp: int | None = None,
              instance: int = 0, frame_id: str = 'map', length: int | None = None) -> None:
         """Publish a polygon, stamped now by default, or only some first bytes of it."""
+        if self._gathered is not None:
+            self._gathered.append(points)
+            return
         data = serialised(points, self.now() if stamp is None else stamp, frame_id,
                           instance if self._with_ids else None)
         self.publish(data[:length])
@@ -120,7 +125,11 @@ class Topic:
 
     def end(self, stamp: int) -> None:
         """End the set of a stamp."""
-        self.send((), stamp)
+        if self._gathered is None:
+            self.send((), stamp)
+        else:
+            self.publish(collection(self._gathered, stamp))
+            self._gathered.clear()
 
     def every(self, period: float, seconds: float = math.inf) -> Iterator[int]:
         """Yield the time in ns once per period, for some seconds or until the process ends."""

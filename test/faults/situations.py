@@ -56,6 +56,11 @@ from rclpy.parameter_client import AsyncParameterClient  # noqa: E402
 from rosgraph_msgs.msg import Clock  # noqa: E402
 from std_msgs.msg import Bool  # noqa: E402
 
+try:
+    from polygon_msgs.msg import Polygon2DCollection
+except ImportError:
+    Polygon2DCollection = None
+
 TIMEOUT = 60.0
 # README's rule for subscribers: without a flag for this time, it counts as raised, in s.
 TOO_OLD = 0.3
@@ -497,6 +502,10 @@ _FORMS = {
     'new stamps': ({'obstacle.set_end': 'new_stamp'}, {'marks': False}, 0.3),
     'nothing declared': (_NO_MARKS, {'marks': False}, 1.4),
     'ids': (_BY_ID, {'marks': False, **_IDS}, 1.4)}
+if Polygon2DCollection:
+    _FORMS['sets in one message'] = (
+        {'obstacle.type': 'polygon_collection', 'obstacle.set_end': 'none'},
+        {'kind': Polygon2DCollection}, 0.3)
 _OUTLINE = {'frame_id': 'map', 'footprint.frame_id': 'base',
             'footprint.points': [0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0]}
 _DEADLINES = {

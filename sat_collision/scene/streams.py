@@ -148,12 +148,12 @@ class Stream:
                 self._perhaps_silent.clear()
             else:
                 self._perhaps_silent |= self._silent
+                if number != last + 1:
+                    self._doubt_publisher(number)
             self._silent.clear()
             return JOINED
         self.lost += number - expected
-        if number > self._last_before:
-            # It may be from a publisher of the same node name that is alive after all.
-            self._publisher = None
+        self._doubt_publisher(number)
         return LOST
 
     def update(self, endpoints: Sequence[Endpoint]) -> bool:
@@ -188,6 +188,11 @@ class Stream:
 
     def _end_again(self) -> None:
         self._again, self.again_until = 0, NEVER
+
+    def _doubt_publisher(self, number: int) -> None:
+        """Let all count if an older publisher of the same node name may have sent a number."""
+        if number > self._last_before:
+            self._publisher = None
 
     def _find_publisher(self, number: int, expected: int | None, now: int) -> None:
         """Find the publisher that began a stream with this number."""

@@ -159,6 +159,14 @@ def body_size(p):
     return packed_size(p.n) if p.n > 0 else int(p.array[p.start + 1])
 
 
+@inlined
+def outline_of(p):
+    """Return the indices at which the outline of a packed polygon begins and ends."""
+    if p.n > 0:
+        return first_vertex(p), first_vertex(p) + 2 * p.n
+    return p.start + int(p.array[p.start]), p.start + int(p.array[p.start + 1])
+
+
 class Rows(NamedTuple):
     """The parts of the array of a set: its columns, and the packed bodies."""
 

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.layout import new_array, use_rows, views_of
 from sat_collision.geometry.polygon import as_polygon, BodyLike, PackedBody, Polygon, size_of
-from sat_collision.geometry.prediction import first_row_met, motion_of, velocities_of
+from sat_collision.geometry.prediction import first_row_met, motion_of, ways_of
 from sat_collision.geometry.run import Run, write_run
 from sat_collision.geometry.scan import (
     decide_rows, intersecting_rows, measure_rows, near_rows, NEAREST, NO_ROOM, UNCHANGED,
@@ -303,14 +303,14 @@ class PolygonSet:
                    skipped: Iterable[int] = ()) -> tuple[int, float] | None:
         """Return the same for a `prediction.Motion`, leaving out the rows skipped."""
         polygon = as_polygon(footprint)
-        moves = velocities_of(velocities, self._used_rows)
+        ways = ways_of(velocities, self._used_rows, motion[5])
         skipped = set(skipped)
         for row in self.rows_within(polygon, motion[-1]).tolist():
             if row not in skipped:
                 return row, 0.0
         packed, count = polygon.packed
         row, time = first_row_met(self._array, packed, count, indexable(motion),
-                                  indexable(moves), _ascending(skipped))
+                                  indexable(ways), _ascending(skipped))
         return None if row < 0 else (row, time)
 
     def intersects(self, body: BodyLike) -> NDArray[np.bool_]:

@@ -62,23 +62,22 @@ class Contact(NamedTuple):
         and only touch it is the normal of a side, outwards from b or inwards to a, on which a
         vertex of the other body is: of several such sides, one that is least against the others.
     depth : float
-        Metres, 0 unless they overlap, which is to say, have more in common than their boundaries:
-        moved by depth * normal, a only touches b. No shorter move suffices, in any direction, but
-        for rounding, and for places into which a fits exactly: with S the extent of both bodies,
-        the larger side of their bounding box, moved further by 2^-45 S they share no point, and
-        no move shorter by 2^-45 S leaves them 2^-44 S apart. For convex bodies it is minus the
-        separation; for others it is no less, and 0 if a fits exactly into a notch of b.
+        Metres, 0 unless they overlap, that is, have more in common than their boundaries: moved by
+        depth * normal, a only touches b. No shorter move suffices, in any direction, except into
+        places into which a fits exactly. Up to rounding: with S the longer side of the bounding
+        box of both, they share no point once moved further by 2^-45 S, and no shorter move leaves
+        them 2^-44 S apart. For convex bodies it is minus the separation, for others no less.
 
-        Only where more than about 4,000 pairs of convex parts are within reach, which takes more
-        than 64 vertices, not all directions count: it is then the shortest move, along an axis or
+        Only if more than about 4,000 pairs of convex parts are within reach, as may happen above
+        64 vertices, do not all directions count: it is then the shortest move, along an axis or
         the normal of a side, after which a straight line lies between the bodies.
     points_a, points_b : (k, 2) ndarray
         One or two points of a, and of b, on the nearest or deepest pair of convex parts, or on
         the side that they touch on. Each is a vertex or a point of an edge, or of a cut between
-        parts, to 2^-50 of the largest coordinate: 1e-9 m at 1e6. Two if
-        an edge of each is perpendicular to the normal, within 0.01 rad: the ends of the stretch
-        that these share, in the order of the normal turned left. The offset from a point of b to
-        that of a is along the normal of the two parts; for one of them it is the separation.
+        parts, to 2^-50 of the largest coordinate: 1e-9 m at 1e6. Two if an edge of each is
+        perpendicular to the normal, within 0.01 rad: the ends of the stretch that these share, in
+        the order of the normal turned left. The offset from a point of b to that of a is along
+        the normal of the two parts; for one of them it is the separation.
 
     Examples
     --------

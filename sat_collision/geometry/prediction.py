@@ -189,7 +189,9 @@ def first_row_met(set_array, body, count, motion, ways, skipped):
         piece += 1
     if first < 0:
         return first, math.inf
-    return first, max(share * path.motion.horizon if share > _LEAST_SHARE else 0.0, _LEAST)
+    time = share * path.motion.horizon if share > _LEAST_SHARE else 0.0
+    # Only a subnormal time may be rounded up by much, and only that becomes less.
+    return first, max(time - _LEAST, _LEAST)
 
 
 @inner

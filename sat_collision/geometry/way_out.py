@@ -21,9 +21,10 @@ differences of all pairs of parts, so the way out is to the point outside that i
 origin. It is on a side of some difference: each side is followed from where it is nearest, to the
 first point that no difference covers.
 
-A difference is held as half-planes that are moved out by `_CLEAR`, more than what rounding takes,
-so that differences of parts with a common cut overlap, and what is outside is outside for certain;
-see docs/exactness.md, lemma 25. Coordinates are relative to a point near the bodies.
+A difference is held as half-planes that are moved out, by more than what rounding takes, so that
+differences of parts with a common cut overlap, and what is outside is outside for certain. The
+line along a side is a little further out, so that its own difference does not cover it. See
+docs/exactness.md, lemma 25. Coordinates are relative to a point near the bodies.
 """
 
 import math
@@ -41,8 +42,11 @@ from sat_collision.geometry.plane import scale_to_one, unit
 # The most work, the sum of the squares of the numbers of sides of differences, for which all
 # directions count. Two bodies of 64 vertices need less, as they have up to 62 triangles each.
 _MOST_WORK = 100 * 64 * 64
-# How far half-planes are moved out, relative to the extent of both bodies.
-_CLEAR = 2.0 ** -47
+# How far lines along sides are moved out, relative to the extent of both bodies; the half-planes
+# of differences by most of it; the ends of lines by more.
+_CLEAR = 2.0 ** -45
+_HALF_PLANES = 0.875
+_ENDS = 1.125
 
 
 class Differences(NamedTuple):
@@ -89,7 +93,7 @@ def way_out(p, q):
     best = _straight_way(_outline(p, x, y, scale), _outline(q, x, y, scale))
     clear = _CLEAR * max(max(p.array[i + 4], q.array[j + 4]) * scale - x * scale,
                          max(p.array[i + 5], q.array[j + 5]) * scale - y * scale)
-    pairs = open_pairs(p, q, (best.length + 4.0 * clear) / scale)
+    pairs = open_pairs(p, q, (best.length + 2.0 * clear) / scale)
     areas = np.empty(len(pairs))
     parts = max(1, -q.n)
     size = 0
@@ -105,12 +109,12 @@ def way_out(p, q):
     if work <= _MOST_WORK:
         # The largest first: they cover most.
         order = [pairs[k] for k in np.argsort(-areas, kind='mergesort')]
-        # A foot on a side is twice `clear` beyond it, and that is subtracted in the end.
-        best = Way(best.length + 2.0 * clear, best.ux, best.uy)
+        # The way to a line is longer by `clear`, and that is subtracted in the end.
+        best = Way(best.length + clear, best.ux, best.uy)
         found = _differences(parts_about(p, x, y, scale), parts_about(q, x, y, scale), order, size,
                              clear, best.length)
         best = _nearest(found, clear, best)
-        best = Way(best.length - 2.0 * clear, best.ux, best.uy)
+        best = Way(best.length - clear, best.ux, best.uy)
     return Way(best.length / scale, best.ux, best.uy)
 
 
@@ -204,7 +208,7 @@ def _differences(a, b, pairs, size, clear, length):
                              sides, place)
         near = True
         for k in range(start, place, 3):
-            sides[k + 2] += clear
+            sides[k + 2] += _HALF_PLANES * clear
             near = near and sides[k + 2] > -length
         if near:
             ends[count] = place
@@ -226,10 +230,11 @@ def _nearest(differences, clear, best):
         for k in range(first, end, 3):
             nx = s[k]
             ny = s[k + 1]
-            height = s[k + 2] + clear
+            height = s[k + 2] + (1.0 - _HALF_PLANES) * clear
             if not 0.0 < height < best.length:
                 continue
-            low, high = _stretch(Part(s, first, end), k, height, clear)
+            low, high = _stretch(Part(s, first, end), k, height,
+                                 (_ENDS - _HALF_PLANES) * clear)
             for sign in (1.0, -1.0):
                 start = max(low if sign > 0.0 else -high, 0.0)
                 stop = min(high if sign > 0.0 else -low, math.sqrt(
@@ -250,9 +255,9 @@ def _nearest(differences, clear, best):
 
 
 @inner
-def _stretch(difference, k, height, clear):
+def _stretch(difference, k, height, more):
     """
-    Return from where to where the line along a side belongs to its difference, moved out twice.
+    Return from where to where the line along a side is in its difference, moved out some more.
 
     Places are to the left of the line's point nearest to the origin, whose height is given.
     """
@@ -262,7 +267,7 @@ def _stretch(difference, k, height, clear):
     low = -math.inf
     high = math.inf
     for m in range(difference.first, difference.end, 3):
-        reach = s[m + 2] + clear - (s[m] * nx + s[m + 1] * ny) * height
+        reach = s[m + 2] + more - (s[m] * nx + s[m + 1] * ny) * height
         growth = s[m + 1] * nx - s[m] * ny
         if m != k and growth > 0.0:
             high = min(high, reach / growth)

@@ -46,6 +46,7 @@ _FINEST = 1.0 / _MAX_PIECES
 # Bound of the rounding error of a gap, relative to the coordinates and paths of both bodies.
 _ROUNDING = 2.0 ** -44
 _LEAST = 5e-324
+_FARTHEST = 2.0 ** 1020
 # A smaller share of the horizon is none.
 _LEAST_SHARE = 2.0 ** -1000
 _BEYOND = 'a path, or its distance from a body, is beyond the largest double, or nearly'
@@ -97,21 +98,18 @@ def motion_of(twist: ArrayLike, horizon: float, pose: ArrayLike, tolerance: floa
     if not horizon >= 0.0 or (horizon := as_double(horizon)) == math.inf:
         raise ValueError(f'horizon {horizon}, but it has to be 0 or more seconds, and finite')
     tolerance, margin = limits(tolerance, margin)
-    vx, vy, turn = _ways(np.array([vx, vy, turn]), horizon).tolist()
+    _require_finite(max(abs(vx), abs(vy), abs(turn)), horizon)
+    vx, vy, turn = (speed * horizon or math.copysign(_LEAST if speed and horizon else 0.0, speed)
+                    for speed in (vx, vy, turn))
     c, s = math.cos(yaw), math.sin(yaw)
     return np.array([x, y, c * vx - s * vy, s * vx + c * vy, turn, horizon, tolerance,
                      margin])
 
 
-def _ways(speeds: NDArray[np.float64], horizon: float) -> NDArray[np.float64]:
-    """Return speeds times the horizon, 0 only for 0; raise `ValueError` if it overflows."""
-    with np.errstate(over='ignore', under='ignore'):
-        ways = speeds * horizon
-        if not np.isfinite(8.0 * ways).all():
-            raise ValueError('a twist or velocity leads beyond the largest double, or nearly, '
-                             f'within the horizon of {horizon} s')
-    ways[(ways == 0.0) & (speeds != 0.0) & (horizon > 0.0)] = _LEAST
-    return np.copysign(ways, speeds)
+def _require_finite(fastest: float, horizon: float) -> None:
+    if not fastest * horizon < _FARTHEST:
+        raise ValueError('a twist or velocity leads beyond the largest double, or nearly, within '
+                         f'the horizon of {horizon} s')
 
 
 def ways_of(velocities: ArrayLike | None, rows: int, horizon: float) -> NDArray[np.float64]:
@@ -132,7 +130,14 @@ def ways_of(velocities: ArrayLike | None, rows: int, horizon: float) -> NDArray[
     if not np.isfinite(array).all():
         raise ValueError(f'velocity {np.flatnonzero(~np.isfinite(array).all(axis=1))[0]} is not '
                          'finite')
-    return _ways(array.ravel(), horizon)
+    speeds = array.ravel()
+    _require_finite(float(abs(speeds).max(initial=0.0)), horizon)
+    ways = speeds * horizon
+    if 0.0 < horizon < 1.0:
+        # Only 0 becomes 0.
+        lost = (ways == 0.0) & (speeds != 0.0)
+        ways[lost] = np.copysign(_LEAST, speeds[lost])
+    return ways
 
 
 def _finite(values: ArrayLike, name: str, meaning: str) -> NDArray[np.float64]:
@@ -160,16 +165,17 @@ def first_row_met(set_array, body, count, motion, ways, skipped):
     path = _path(packed_polygon(body, count), motion)
     # The box after those of the pieces is that of the whole path.
     candidates = 0
+    beyond = False
     for row in range(rows.used):
-        if rows.n[row] == 0:
-            continue
-        # Sums of a few such lengths must not overflow.
-        if not 8.0 * (path.reach + _reach(path, rows, row, ways)) < math.inf:
-            raise ValueError(_BEYOND)
-        if (_may_meet(path, path.pieces, rows, row, ways)
-                and not contains(skipped, row) and not _is_beside(path, rows, row, ways)):
-            rows.found[candidates] = row
-            candidates += 1
+        if (rows.n[row] != 0 and _may_meet(path, path.pieces, rows, row, ways)
+                and not contains(skipped, row)):
+            # Sums of a few such lengths must not overflow; if they do, boxes are never apart.
+            beyond = beyond or not 8.0 * (path.reach + _reach(path, rows, row, ways)) < math.inf
+            if not _is_beside(path, rows, row, ways):
+                rows.found[candidates] = row
+                candidates += 1
+    if beyond:
+        raise ValueError(_BEYOND)
     first = -1
     share = math.inf
     piece = 0

@@ -80,6 +80,7 @@ def measure(scale):
             'contact_times': lambda rng: libraries.contact_times(rng, int(300 * scale)),
             'stepping': lambda rng: scenes.stepping(rng, int(250 * scale)),
             'non_convex': lambda rng: libraries.non_convex(rng, int(200 * scale)),
+            'stars': lambda rng: libraries.stars(),
             'steps': lambda rng: stability.by_step(rng, int(4000 * scale)),
             'examples': lambda rng: stability.examples(rng, int(4000 * scale)),
             'condition': lambda rng: stability.by_condition(rng, int(4000 * scale)),

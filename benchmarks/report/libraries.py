@@ -30,7 +30,7 @@ from methods import counts, Pairs, run, sample, shapely_shape
 import numpy as np
 import oracle
 import rationals
-from sat_collision import intersects, Polygon, separation, time_of_contact
+from sat_collision import contact, intersects, Polygon, separation, time_of_contact
 import shapely
 
 try:
@@ -51,6 +51,8 @@ REPEATS = 5
 SIDES = 4, 16, 64
 RATED = 16
 NON_CONVEX_SIDES = 16, 64, 256
+STAR_SIDES = 8, 64, 256, 1024
+STARS_APART = 0.01, 1.0, 1.4
 # Families in which numbers overflow and underflow, the first four; then rounding decides the sign.
 MEASURED = 'near', 'deep', *families.EXTREME, 'extreme_scales', 'hair_gaps', 'vertex_on_edge', \
     'slivers', 'containment', 'far_offsets'
@@ -200,6 +202,23 @@ def non_convex(rng, count):
                          'wrong': int((run(name, prepared)[0] != meet).sum()),
                          **_times(len(pairs), {'make': lambda: [make(a) for a, _ in pairs],
                                                'ask': lambda: run(name, prepared)})})
+    return rows
+
+
+def stars():
+    """Return the ns of contacts of two stars, by how far their centres are apart, in radii."""
+    rows = []
+    for n in STAR_SIDES:
+        angle = np.arange(n) * 2.0 * np.pi / n
+        star = np.where(np.arange(n) % 2, 1.0, 0.5)[:, None] * np.column_stack(
+            [np.cos(angle), np.sin(angle)])
+        # One is turned by half the angle between two tips.
+        c, s = np.cos(np.pi / n), np.sin(np.pi / n)
+        other = star @ [[c, s], [-s, c]]
+        for apart in STARS_APART:
+            pair = Polygon(star), Polygon(other + [apart, 0.1])
+            rows.append({'n': n, 'apart': apart, 'depth': contact(*pair).depth, **_times(
+                1, {'ns': lambda pair=pair: contact(*pair)})})
     return rows
 
 

@@ -152,6 +152,13 @@ def _non_convex(figures):
     return table(['', *(f'n = {n}' for n in sides), 'wrong'], lines)
 
 
+def _stars(figures):
+    rows = figures['stars']
+    return table(['centres apart', *(f'n = {n:,}' for n in distinct(rows, 'n'))], [
+        [f'{apart} radii', *(duration(row['ns']) for row in rows if row['apart'] == apart)]
+        for apart in distinct(rows, 'apart')])
+
+
 def _measured_on(figures):
     facts = figures['machine']
     versions = ', '.join(f'{name} {facts[name]}' for name in facts
@@ -227,7 +234,8 @@ def _long_run(figures):
 
 TABLES = {
     'speed against error': _speed, 'asked from Python': _asked,
-    'separation': _separation, 'non convex': _non_convex, 'measured on': _measured_on,
+    'separation': _separation, 'non convex': _non_convex, 'stars': _stars,
+    'measured on': _measured_on,
     'times by kind': _times_by_kind, 'wrong on hard pairs': _wrong_on_hard, 'steps': _steps,
     'families': _families, 'distance from the origin': _offsets,
     'separation by family': _separation_families, 'long run': _long_run,

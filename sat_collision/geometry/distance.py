@@ -1,16 +1,11 @@
 # Copyright 2026 The sat_collision Authors
 #
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
 
 """
 Signed distance of two bodies: the least of their pairs of convex parts.
@@ -70,10 +65,11 @@ def measure(p, q):
     p = Packed(elements(p.array), p.start, p.n)
     q = Packed(elements(q.array), q.start, q.n)
     if goes_first(q, p):
-        value, points = _measure_parts(q, p)
+        value, points, _ = measure_parts(q, p)
         bx, by, ax, ay, ux, uy = points
         return value, (ax, ay, bx, by, -ux, -uy)
-    return _measure_parts(p, q)
+    value, points, _ = measure_parts(p, q)
+    return value, points
 
 
 @inner
@@ -90,16 +86,21 @@ def goes_first(p, q):
 
 
 @inner
-def _measure_parts(p, q):
-    """Measure the pairs of parts that may be nearest, or deepest; return the least result."""
+def measure_parts(p, q):
+    """
+    Measure the pairs of parts that may be nearest, or deepest; return the least result.
+
+    Returned with the separation and its points is the pair, see `open_pairs`.
+    """
     if p.n > 0 and q.n > 0:
         _, least, found = _measure_pair(p, q)
-        return least, found
+        return least, found, 0
     parts = max(1, -q.n)
     reach = reach_of(p, q)
     first = _nearest_boxes(p, q)
     meeting, least, found = _measure_pair(
         convex_part(p, first // parts), convex_part(q, first % parts))
+    decided = first
     limit = _limit_of(least, reach)
     along = _reaches(p, found[4], found[5])
     back = _reaches(q, -found[4], -found[5])
@@ -125,11 +126,12 @@ def _measure_parts(p, q):
             continue
         least = value
         found = points
+        decided = pair
         meeting = meet
         limit = _limit_of(least, reach)
         along = _reaches(p, found[4], found[5])
         back = _reaches(q, -found[4], -found[5])
-    return least, found
+    return least, found, decided
 
 
 @inner

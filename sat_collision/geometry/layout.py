@@ -1,16 +1,11 @@
 # Copyright 2026 The sat_collision Authors
 #
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
 
 """
 Memory layout of packed polygons, and of sets of them: flat arrays of doubles that kernels read.
@@ -157,6 +152,14 @@ def convex_part(p, i):
 def body_size(p):
     """Return how many doubles a packed polygon takes, convex or not."""
     return packed_size(p.n) if p.n > 0 else int(p.array[p.start + 1])
+
+
+@inlined
+def outline_of(p):
+    """Return the indices at which the outline of a packed polygon begins and ends."""
+    if p.n > 0:
+        return first_vertex(p), first_vertex(p) + 2 * p.n
+    return p.start + int(p.array[p.start]), p.start + int(p.array[p.start + 1])
 
 
 class Rows(NamedTuple):

@@ -1,16 +1,11 @@
 # Copyright 2026 The sat_collision Authors
 #
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
 
 """
 A body that moves between two poses, each vertex on a straight line at constant speed.
@@ -30,7 +25,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from sat_collision.geometry.convex_parts import convex_parts
-from sat_collision.geometry.jit import elements, indexable, inner, kernel, scratch
+from sat_collision.geometry.jit import (
+    elements, indexable, inlined, inner, kernel, scratch, scratch_integers)
+from sat_collision.geometry.layout import convex_part, first_vertex
 from sat_collision.geometry.plane import scale_to_one
 from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.predicates import orient
@@ -165,6 +162,42 @@ def relative(a, b):
 
 
 @inner
+def parts_about(p, x, y, scale):
+    """
+    Return the convex parts of a packed body relative to x, y, times a power of two.
+
+    They are as in a `MovingBody`, but without the places at time 1: only ends count those, too.
+    """
+    count = max(1, -p.n)
+    ends = scratch_integers(count)
+    end = 0
+    for i in range(count):
+        end += STRIDE * convex_part(p, i).n
+        ends[i] = end
+    array = scratch(end // 2)
+    place = 0
+    for i in range(count):
+        part = convex_part(p, i)
+        first = first_vertex(part)
+        place = write_relative(Part(part.array, first, first + 2 * part.n), x, y, scale, array,
+                               place)
+    return MovingBody(array, ends)
+
+
+@inlined
+def write_relative(points, x, y, scale, array, place):
+    """Write points, given as a Part, relative to x, y, times a power of two; return their end."""
+    v = points.array
+    before = min(scale, 1.0)
+    after = max(scale, 1.0)
+    for k in range(points.first, points.end, 2):
+        array[place] = (v[k] * before - x * before) * after
+        array[place + 1] = (v[k + 1] * before - y * before) * after
+        place += 2
+    return place
+
+
+@inner
 def _least_coordinate(array, k):
     """Return the least of the numbers at offset k of each vertex."""
     least = array[k]
@@ -186,9 +219,5 @@ def _extent(x, y, array):
 def _relative_to(x, y, array, scale):
     """Return the coordinates relative to x, y, multiplied by a power of two."""
     moved = scratch(len(array))
-    before = min(scale, 1.0)
-    after = max(scale, 1.0)
-    for k in range(0, len(array), 2):
-        moved[k] = (array[k] * before - x * before) * after
-        moved[k + 1] = (array[k + 1] * before - y * before) * after
+    write_relative(Part(array, 0, len(array)), x, y, scale, moved, 0)
     return moved

@@ -1,16 +1,11 @@
 # Copyright 2026 The sat_collision Authors
 #
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
 
 """Sets of bodies packed into one array, so that one compiled call answers for all of them."""
 
@@ -31,7 +26,7 @@ from sat_collision.geometry.packing import DOUBLE, PAIR
 from sat_collision.geometry.polygon import (
     as_polygon, BodyLike, coordinates, is_geometry, MAX_VERTICES, PackedBody, Polygon,
     PolygonError, Reason, size_of, UNMOVED)
-from sat_collision.geometry.prediction import first_row_met, motion_of, velocities_of
+from sat_collision.geometry.prediction import first_row_met, motion_of, ways_of
 from sat_collision.geometry.run import IN_ONE_MESSAGE, Run, write_run
 from sat_collision.geometry.scan import (
     decide_rows, intersecting_rows, measure_rows, near_rows, NEAREST, NO_ROOM, UNCHANGED,
@@ -421,14 +416,14 @@ class PolygonSet:
         """Return the same for a `prediction.Motion`, leaving out the rows skipped."""
         polygon = as_polygon(footprint)
         array = self._snapshot()
-        moves = velocities_of(velocities, int(array[1]))
+        ways = ways_of(velocities, int(array[1]), motion[5])
         skipped = set(skipped)
         for row in _rows_within(array, polygon, float(motion[-1])).tolist():
             if row not in skipped:
                 return row, 0.0
         packed, count = polygon.packed
-        row, time = first_row_met(array, packed, count, indexable(motion),
-                                  indexable(moves), _ascending(skipped))
+        row, time = first_row_met(array, packed, count, indexable(motion), indexable(ways),
+                                  _ascending(skipped))
         return None if row < 0 else (row, time)
 
     def intersects(self, body: BodyLike) -> NDArray[np.bool_]:

@@ -1,16 +1,11 @@
 # Copyright 2026 The sat_collision Authors
 #
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
 
 """
 When a body that moves with a constant twist meets bodies that rest or move straight.
@@ -20,7 +15,8 @@ moved along its chord, as in `sweep`, and the sagitta, the greatest distance bet
 chord, is added to the margin: if the chords are clear by that, so is the piece. If not, the piece
 is cut finer from there on, until the sagitta is a fraction of the tolerance. So the time found is
 never late, and the bodies are within the tolerance then (docs/exactness.md, lemma 22). A straight
-path is one piece without a sagitta.
+path is one piece without a sagitta. Times are shares of the horizon and speeds are ways up to
+it, so that only these can overflow.
 
 Most bodies at rest near the path are beside it and are left out at once: a point of a body that
 turns keeps its distance from the centre of rotation, and a point of one that moves straight its
@@ -35,11 +31,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sat_collision.geometry.floating_point import require_nearest
-from sat_collision.geometry.jit import (
-    elements, inlined, inner, kernel, scratch, scratch_integers)
-from sat_collision.geometry.layout import (
-    body_of, convex_part, first_vertex, packed_polygon, rows_of)
-from sat_collision.geometry.moving import STRIDE
+from sat_collision.geometry.jit import elements, inlined, inner, kernel, scratch, scratch_integers
+from sat_collision.geometry.layout import body_of, packed_polygon, rows_of
+from sat_collision.geometry.moving import MovingBody, parts_about
 from sat_collision.geometry.plane import bounds_of, length, unit
 from sat_collision.geometry.predicates import UNDERFLOW_BOUND
 from sat_collision.geometry.scan import contains
@@ -48,9 +42,14 @@ from sat_collision.geometry.sweep import as_double, first_contact_of_moving, lim
 # Max angle by which a body turns in a piece, rad, unless that takes too many pieces.
 _TURN = 0.1
 _MAX_PIECES = 4096
+_FINEST = 1.0 / _MAX_PIECES
 # Bound of the rounding error of a gap, relative to the coordinates and paths of both bodies.
 _ROUNDING = 2.0 ** -44
 _LEAST = 5e-324
+_FARTHEST = 2.0 ** 1020
+# A smaller share of the horizon is none.
+_LEAST_SHARE = 2.0 ** -1000
+_BEYOND = 'a path, or its distance from a body, is beyond the largest double, or nearly'
 
 
 class Motion(NamedTuple):
@@ -59,7 +58,7 @@ class Motion(NamedTuple):
     # The origin of the body's frame at time 0, m.
     x: float
     y: float
-    # Its velocity at time 0, m/s, and rad/s.
+    # How far it would get by the horizon, straight on, m; and by what angle it turns, rad.
     vx: float
     vy: float
     turn: float
@@ -70,23 +69,13 @@ class Motion(NamedTuple):
     margin: float
 
 
-class Moving(NamedTuple):
-    """The convex parts of a body that moves."""
-
-    # Flat array of float64: x, y of each vertex at time 0, part after part, relative to the origin
-    # of the motion.
-    array: Any
-    # (k,) array of int64: the index at which each part would end in the array of a
-    # `moving.MovingBody`.
-    ends: Any
-
-
 class Path(NamedTuple):
     """The path of a body up to the horizon."""
 
     motion: Motion
-    body: Moving
-    # An upper bound of the speeds of the vertices, m/s; 0 if and only if the body rests.
+    # The vertices of its parts are x, y at time 0, relative to the origin; only ends have STRIDE.
+    body: MovingBody
+    # An upper bound of the ways of the vertices, m; 0 if and only if the body rests.
     speed: float
     # An upper bound of a vertex's distance from the origin and of the length of its path, m.
     reach: float
@@ -109,16 +98,26 @@ def motion_of(twist: ArrayLike, horizon: float, pose: ArrayLike, tolerance: floa
     if not horizon >= 0.0 or (horizon := as_double(horizon)) == math.inf:
         raise ValueError(f'horizon {horizon}, but it has to be 0 or more seconds, and finite')
     tolerance, margin = limits(tolerance, margin)
-    if not math.isfinite((abs(vx) + abs(vy)) * horizon) or not math.isfinite(turn * horizon):
-        raise ValueError(f'twist {(vx, vy, turn)} leads beyond the largest double within the '
-                         f'horizon of {horizon} s')
+    _require_finite(max(abs(vx), abs(vy), abs(turn)), horizon)
+    vx, vy, turn = (speed * horizon or math.copysign(_LEAST if speed and horizon else 0.0, speed)
+                    for speed in (vx, vy, turn))
     c, s = math.cos(yaw), math.sin(yaw)
     return np.array([x, y, c * vx - s * vy, s * vx + c * vy, turn, horizon, tolerance,
                      margin])
 
 
-def velocities_of(velocities: ArrayLike | None, rows: int) -> NDArray[np.float64]:
-    """Return velocities of rows as a flat array; raise `ValueError` if they are not valid."""
+def _require_finite(fastest: float, horizon: float) -> None:
+    if not fastest * horizon < _FARTHEST:
+        raise ValueError('a twist or velocity leads beyond the largest double, or nearly, within '
+                         f'the horizon of {horizon} s')
+
+
+def ways_of(velocities: ArrayLike | None, rows: int, horizon: float) -> NDArray[np.float64]:
+    """
+    Return how far velocities lead each row by the horizon, as a flat array.
+
+    Raise `ValueError` if they are not valid.
+    """
     if velocities is None:
         return np.zeros(2 * rows)
     try:
@@ -131,7 +130,14 @@ def velocities_of(velocities: ArrayLike | None, rows: int) -> NDArray[np.float64
     if not np.isfinite(array).all():
         raise ValueError(f'velocity {np.flatnonzero(~np.isfinite(array).all(axis=1))[0]} is not '
                          'finite')
-    return np.ascontiguousarray(array).ravel()
+    speeds = array.ravel()
+    _require_finite(float(abs(speeds).max(initial=0.0)), horizon)
+    ways = speeds * horizon
+    if 0.0 < horizon < 1.0:
+        # Only 0 becomes 0.
+        lost = (ways == 0.0) & (speeds != 0.0)
+        ways[lost] = np.copysign(_LEAST, speeds[lost])
+    return ways
 
 
 def _finite(values: ArrayLike, name: str, meaning: str) -> NDArray[np.float64]:
@@ -145,38 +151,49 @@ def _finite(values: ArrayLike, name: str, meaning: str) -> NDArray[np.float64]:
 
 
 @kernel
-def first_row_met(set_array, body, count, motion, velocities, skipped):
+def first_row_met(set_array, body, count, motion, ways, skipped):
     """
     Find which row of a set a moving body meets first, of those that it does not meet at time 0.
 
-    The body is packed, the motion is a `Motion` as an array, velocities are vx, vy of each row,
-    and the rows in `skipped`, ascending, are left out. Return the row, the first one in a tie, and
-    the time in seconds, above 0; -1 and infinity if it meets none.
+    The body is packed, the motion is a `Motion` as an array, ways are x, y of each row up to the
+    horizon, and the rows in `skipped`, ascending, are left out. Return the row, the first one in a
+    tie, and the time in seconds, above 0; -1 and infinity if it meets none. Raise `ValueError` for
+    what is beyond the largest double.
     """
     require_nearest(count)
     rows = rows_of(set_array)
     path = _path(packed_polygon(body, count), motion)
     # The box after those of the pieces is that of the whole path.
     candidates = scratch_integers(rows.used)
-    count = 0
+    near = 0
+    beyond = False
     for row in range(rows.used):
-        if (rows.n[row] != 0 and _may_meet(path, path.pieces, rows, row, velocities)
-                and not contains(skipped, row) and not _is_beside(path, rows, row, velocities)):
-            candidates[count] = row
-            count += 1
+        if (rows.n[row] != 0 and _may_meet(path, path.pieces, rows, row, ways)
+                and not contains(skipped, row)):
+            # Sums of a few such lengths must not overflow; if they do, boxes are never apart.
+            beyond = beyond or not 8.0 * (path.reach + _reach(path, rows, row, ways)) < math.inf
+            if not _is_beside(path, rows, row, ways):
+                candidates[near] = row
+                near += 1
+    if beyond:
+        raise ValueError(_BEYOND)
     first = -1
-    time = math.inf
+    share = math.inf
     piece = 0
     while first < 0 and piece < path.pieces:
-        for k in range(count):
+        for k in range(near):
             row = candidates[k]
-            if _may_meet(path, piece, rows, row, velocities):
-                found = _first_contact_in_piece(path, piece, rows, row, velocities, time)
-                if found < time:
-                    time = found
+            if _may_meet(path, piece, rows, row, ways):
+                found = _first_contact_in_piece(path, piece, rows, row, ways, share)
+                if found < share:
+                    share = found
                     first = row
         piece += 1
-    return first, time
+    if first < 0:
+        return first, math.inf
+    time = share * path.motion.horizon if share > _LEAST_SHARE else 0.0
+    # Only a subnormal time may be rounded up by much, and only that becomes less.
+    return first, max(time - _LEAST, _LEAST)
 
 
 @inner
@@ -184,39 +201,22 @@ def _path(p, motion):
     """Return the path of a packed polygon."""
     motion = Motion(motion[0], motion[1], motion[2], motion[3], motion[4], motion[5], motion[6],
                     motion[7])
-    body = _parts(p, motion)
+    body = parts_about(p, motion.x, motion.y, 1.0)
     radius = 0.0
     for k in range(0, len(body.array), 2):
         radius = max(radius, length(body.array[k], body.array[k + 1]))
     speed = length(motion.vx, motion.vy) + abs(motion.turn) * radius
-    turned = min(abs(motion.turn) * motion.horizon / _TURN, _MAX_PIECES)
+    if radius > 0.0 and motion.turn != 0.0:
+        speed += _LEAST
+    if not 8.0 * (radius + speed) < math.inf:
+        raise ValueError(_BEYOND)
+    turned = min(abs(motion.turn) / _TURN, _MAX_PIECES)
     pieces = max(1, int(math.ceil(turned)))
     boxes = scratch(4 * pieces + 4)
     inner, outer = _distances(body, motion)
-    path = Path(motion, body, speed, radius + speed * motion.horizon, pieces, boxes, inner, outer)
+    path = Path(motion, body, speed, radius + speed, pieces, boxes, inner, outer)
     _bound(path)
     return path
-
-
-@inner
-def _parts(p, motion):
-    """Return the convex parts of a packed polygon, relative to the origin of a motion."""
-    count = max(1, -p.n)
-    ends = scratch_integers(count)
-    end = 0
-    for i in range(count):
-        end += STRIDE * convex_part(p, i).n
-        ends[i] = end
-    array = scratch(end // 2)
-    end = 0
-    for i in range(count):
-        part = convex_part(p, i)
-        first = first_vertex(part)
-        for k in range(first, first + 2 * part.n, 2):
-            array[end] = part.array[k] - motion.x
-            array[end + 1] = part.array[k + 1] - motion.y
-            end += 2
-    return Moving(array, ends)
 
 
 @inner
@@ -292,17 +292,15 @@ def _bound(path):
 @inlined
 def _times(path, piece):
     """Return when a piece of a path begins and ends; the piece after the last is all of it."""
-    horizon = path.motion.horizon
     if piece == path.pieces:
-        return 0.0, horizon
-    start = horizon * (piece / path.pieces)
-    return start, horizon * ((piece + 1) / path.pieces)
+        return 0.0, 1.0
+    return piece / path.pieces, (piece + 1) / path.pieces
 
 
 @inlined
-def _sagitta(path, seconds):
-    """Return the max distance of a vertex from its place on a chord of that many seconds."""
-    return abs(path.motion.turn) * path.speed * seconds * seconds / 8.0
+def _sagitta(path, share):
+    """Return the max distance of a vertex from its place on the chord of a share of the path."""
+    return abs(path.motion.turn) * path.speed * share * share / 8.0
 
 
 @inner
@@ -312,7 +310,8 @@ def _write_pose(path, time, chords, place):
     half = motion.turn * time / 2.0
     c = math.cos(half)
     s = math.sin(half)
-    along = time * s / half if half != 0.0 else time
+    # A product with a subnormal number may be off by much.
+    along = time * (s / half) if half != 0.0 else time
     x = along * (c * motion.vx - s * motion.vy)
     y = along * (s * motion.vx + c * motion.vy)
     # Turned by 2 half: cosine 1 - 2 s^2, sine 2 s c.
@@ -324,15 +323,15 @@ def _write_pose(path, time, chords, place):
 
 
 @inner
-def _may_meet(path, piece, rows, row, velocities):
+def _may_meet(path, piece, rows, row, ways):
     """Return whether, by their boxes, a piece of the path may come to the body of a row."""
     motion = path.motion
     start, end = _times(path, piece)
-    vx = velocities[2 * row]
-    vy = velocities[2 * row + 1]
+    vx = ways[2 * row]
+    vy = ways[2 * row + 1]
     if path.speed == 0.0 and vx == 0.0 and vy == 0.0:
         return False
-    margin = motion.margin + _rounding(path, rows, row, vx, vy)
+    margin = motion.margin + _rounding(path, rows, row, ways)
     box = 4 * piece
     return not (
         rows.min_x[row] - motion.x + min(vx * start, vx * end) - path.boxes[box + 2] > margin
@@ -342,40 +341,44 @@ def _may_meet(path, piece, rows, row, velocities):
 
 
 @inner
-def _is_beside(path, rows, row, velocities):
+def _is_beside(path, rows, row, ways):
     """Return whether a row's body is at rest and beside the path, beyond the tolerances."""
     motion = path.motion
-    if velocities[2 * row] != 0.0 or velocities[2 * row + 1] != 0.0:
+    if ways[2 * row] != 0.0 or ways[2 * row + 1] != 0.0:
         return False
-    least, most = _distances(_parts(body_of(rows, row), motion), motion)
+    least, most = _distances(
+        parts_about(body_of(rows, row), motion.x, motion.y, 1.0), motion)
     centre = length(motion.vx, motion.vy) / abs(motion.turn) if motion.turn != 0.0 else 0.0
-    finest = motion.horizon / _MAX_PIECES
-    margin = (motion.margin + max(motion.tolerance, 4.0 * _sagitta(path, finest))
-              + _ROUNDING * centre + _rounding(path, rows, row, 0.0, 0.0))
+    margin = (motion.margin + max(motion.tolerance, 4.0 * _sagitta(path, _FINEST))
+              + _ROUNDING * centre + _rounding(path, rows, row, ways))
     return least - path.outer > margin or path.inner - most > margin
 
 
 @inlined
-def _rounding(path, rows, row, vx, vy):
+def _rounding(path, rows, row, ways):
     """Return a bound of the rounding error of a gap between the moving body and that of a row."""
+    return _ROUNDING * (path.reach + _reach(path, rows, row, ways)) + UNDERFLOW_BOUND
+
+
+@inlined
+def _reach(path, rows, row, ways):
+    """Return what coordinates of a row's body, its way and the margin come to at most."""
     x = max(abs(rows.min_x[row] - path.motion.x), abs(rows.max_x[row] - path.motion.x))
     y = max(abs(rows.min_y[row] - path.motion.y), abs(rows.max_y[row] - path.motion.y))
-    reach = max(x, y) + (abs(vx) + abs(vy)) * path.motion.horizon + path.motion.margin
-    return _ROUNDING * (path.reach + reach) + UNDERFLOW_BOUND
+    return max(x, y) + (abs(ways[2 * row]) + abs(ways[2 * row + 1])) + path.motion.margin
 
 
 @inner
-def _first_contact_in_piece(path, piece, rows, row, velocities, before):
+def _first_contact_in_piece(path, piece, rows, row, ways, before):
     """Return when in a piece the body meets that of a row; infinity if not before `before`."""
-    vx = velocities[2 * row]
-    vy = velocities[2 * row + 1]
-    apart = path.motion.margin + _rounding(path, rows, row, vx, vy)
-    other = _parts(body_of(rows, row), path.motion)
+    vx = ways[2 * row]
+    vy = ways[2 * row + 1]
+    apart = path.motion.margin + _rounding(path, rows, row, ways)
+    other = parts_about(body_of(rows, row), path.motion.x, path.motion.y, 1.0)
     chords = scratch(2 * len(path.body.array))
     other_chords = scratch(2 * len(other.array))
     start, end = _times(path, piece)
     step = end - start
-    finest = path.motion.horizon / _MAX_PIECES
     while start < end and start < before:
         stop = min(start + step, end)
         sagitta = _sagitta(path, stop - start)
@@ -393,9 +396,9 @@ def _first_contact_in_piece(path, piece, rows, row, velocities, before):
             step *= 2.0
             continue
         time = start + share * (stop - start)
-        if time >= before or sagitta <= path.motion.tolerance / 4.0 or step <= finest:
-            return max(time, _LEAST)
+        if time >= before or sagitta <= path.motion.tolerance / 4.0 or step <= _FINEST:
+            return time
         # Go on from the time proved clear, but so that the next step ends no later than this one.
-        step = max(step / 4.0, finest)
+        step = max(step / 4.0, _FINEST)
         start = max(start, min(time, stop - step))
     return math.inf

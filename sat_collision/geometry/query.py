@@ -1,16 +1,11 @@
 # Copyright 2026 The sat_collision Authors
 #
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
 
 """Queries on bodies: whether they touch, how far apart or deep they are, and when they meet."""
 
@@ -257,6 +252,7 @@ def time_to_contact(footprint: BodyLike, twist: ArrayLike,
         the coordinates and path lengths. If it turns they are within that plus the tolerance, or
         plus 2^-25 a T^2 if this is more: T is the horizon and a = |omega| (|v| + |omega| r) bounds
         the accelerations, with r the distance of the farthest vertex from the origin of the pose.
+        Underflow adds 2^-1058, and no time is below the least double above 0.
 
     Raises
     ------
@@ -265,7 +261,8 @@ def time_to_contact(footprint: BodyLike, twist: ArrayLike,
     ValueError
         A twist or pose that is not three finite numbers; a horizon that is negative or not finite;
         velocities that are not finite or not one per obstacle; a tolerance that is not positive
-        and finite; a path beyond the largest double.
+        and finite; a path beyond the largest double, or a sixteenth of it, also with the distance
+        of an obstacle added.
 
     Examples
     --------

@@ -117,7 +117,10 @@ def predict(footprint: Footprint, contacts: Contacts, sources: Iterable[Source],
             courses[obstacle] = course
         else:
             unknown.append(obstacle.name)
-    found = contacts.first_contact(footprint, velocity, seconds, courses)
+    try:
+        found = contacts.first_contact(footprint, velocity, seconds, courses)
+    except ValueError:  # the way leads beyond the largest double
+        return None
     seconds = max(found[1] - age / 1e9, 0.0) if found else math.inf
     if seconds == 0.0:
         unknown.clear()

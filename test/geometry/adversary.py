@@ -17,9 +17,9 @@ A search for inputs on which the filters err more than their bounds allow: `make
 Each climb starts where a filter's value is about zero. One or two numbers at a time are changed by
 a power of two of ulps, and changes that do not lessen the error relative to the bound are kept.
 The largest errors are confirmed in rationals. Then pairs of polygons are steered to the filters'
-limits, see `steering`, and to where separations and contacts err most, see `separations` and
-`contacts`; points are moved through chains of frames, see `frame_chains`; and bodies are changed
-in ways that must change no answer, see `metamorphic`.
+limits, see `steering`, and to where separations, contacts and predictions err most, see
+`separations`, `contacts` and `predictions`; points are moved through chains of frames, see
+`frame_chains`; and bodies are changed in ways that must change no answer, see `metamorphic`.
 """
 
 import argparse
@@ -30,6 +30,7 @@ import filter_bounds
 import frame_chains
 import metamorphic
 import numpy as np
+import predictions
 from sat_collision.geometry.jit import kernel
 import separations
 import steering
@@ -145,6 +146,7 @@ def main():
     failures += steering.report(arguments.evaluations, arguments.seed)
     failures += separations.report(arguments.evaluations, arguments.seed)
     failures += contacts.report(arguments.evaluations, arguments.seed)
+    failures += predictions.report(arguments.evaluations, arguments.seed)
     failures += frame_chains.report(arguments.evaluations, arguments.seed)
     failures += metamorphic.report(arguments.pairs, arguments.seed)
     return int(failures > 0)

@@ -38,7 +38,7 @@ import steering
 NORMAL, POINTS, GAP, WAY_OUT = range(4)
 NAMES = ('length of the normal', 'points outside their body', 'offset of the points',
          'overlap once moved by depth × normal')
-BOUNDS = '4 u', '8 u R', '32 u R', '2⁻⁴⁶ R'
+BOUNDS = '4 u', '8 u R', '32 u R', '2⁻⁴⁵ S'
 COUNTS = (1, 2), (2, 2), (1, 4), (3, 3), (4, 6), (4, 20), (1, 6), (2, 7), (4, 8), (8, 8)
 # From this index on the second body is non-convex, in the last pair both.
 CONVEX_COUNTS = 6
@@ -102,8 +102,8 @@ def _outside(p, x, y):
 
 @kernel
 def _left_over(p, q, mx, my):
-    """Return how deep any part of P, once moved by m, still overlaps one of Q."""
-    greatest = 0.0
+    """Return how deep any part of P, moved by m, overlaps one of Q; negative if apart."""
+    greatest = -np.inf
     for i in range(max(1, -p.n)):
         a = convex_part(p, i)
         for j in range(max(1, -q.n)):
@@ -112,6 +112,14 @@ def _left_over(p, q, mx, my):
                 reach = reach_beyond_edges(a, b, _FAR, negative(mx), negative(my))
                 greatest = max(greatest, reach_beyond_edges(b, a, reach, mx, my)[0])
     return greatest
+
+
+@kernel
+def _extent(p, q):
+    """Return the longer side of the bounding box of two bodies."""
+    a = p.array
+    b = q.array
+    return max(max(a[4], b[4]) - min(a[2], b[2]), max(a[5], b[5]) - min(a[3], b[3]))
 
 
 @kernel
@@ -135,10 +143,13 @@ def errors(p, q):
         least = min(least, plus(dot(gx, gy, (nx, 0.0), (ny, 0.0)), (-value, 0.0))[0])
         aside = max(aside, abs(dot(gx, gy, (-ny, 0.0), (nx, 0.0))[0]))
     rounding = UNIT * reach_of(p, q)
+    slack = 2.0 ** -45 * _extent(p, q)
     left = _left_over(p, q, times((depth, 0.0), (nx, 0.0)), times((depth, 0.0), (ny, 0.0)))
+    out = plus((depth, 0.0), (slack, 0.0))
+    wrong |= depth > 0.0 and not _left_over(p, q, times(out, (nx, 0.0)), times(out, (ny, 0.0))) < 0
     return (abs(plus(unit, (-1.0, 0.0))[0]) / (4.0 * UNIT), outside / (8.0 * rounding),
             max(abs(least), aside) / (32.0 * rounding) if convex else 0.0,
-            left / (128.0 * rounding)), wrong
+            max(left, 0.0) / slack), wrong
 
 
 @kernel
@@ -163,7 +174,7 @@ def starts_of(rng, kind, count):
 
 
 def _non_convex_pairs(rng, count, n, m):
-    pair = [_non_convex(rng, count, size) if size > 4 else
+    pair = [non_convex(rng, count, size) if size > 4 else
             rng.uniform(-1, 1, (count, 1, 2)) + separations.starts_of(rng, count, size, 1).reshape(
                 count, -1, 2)[:, :size] for size in (n, m)]
     pair[1] += rng.uniform(-1, 1, (count, 1, 2))
@@ -171,7 +182,7 @@ def _non_convex_pairs(rng, count, n, m):
     return (np.concatenate(pair, axis=1) + offset).reshape(count, -1)
 
 
-def _non_convex(rng, count, n):
+def non_convex(rng, count, n):
     """Return rings around the origin whose vertices alternate between two distances."""
     angle = (np.arange(n) + rng.uniform(0, 0.9, (count, n))) * 2 * np.pi / n
     radius = rng.uniform(0.8, 1.2, (count, n)) * np.where(np.arange(n) % 2, 1.0, 0.4)

@@ -17,6 +17,7 @@ import adversary
 import contacts
 import filter_bounds
 import numpy as np
+import predictions
 import pytest
 from sat_collision.geometry.jit import COMPILED
 import separations
@@ -97,3 +98,12 @@ def test_no_contact_breaks_a_promise(which, share):
                          for kind in range(len(contacts.COUNTS))))
     assert sum(wrong) == 0
     assert share < max(found) <= 1.0
+
+
+def test_no_prediction_breaks_a_promise():
+    """Nor is the bound of distances much too large."""
+    for which, share in ((predictions.LATE, -1.0), (predictions.EARLY, 0.2)):
+        found, wrong = zip(*(predictions.largest(which, kind, EVALUATIONS // 10)
+                             for kind in range(len(predictions.COUNTS))))
+        assert sum(wrong) == 0
+        assert share < max(found) <= 1.0

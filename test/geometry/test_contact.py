@@ -23,6 +23,7 @@ import numpy as np
 import pytest
 from rationals import exact_depth, square_root
 from sat_collision import closest_points, contact, intersects, Polygon, PolygonSet, separation
+import shapely
 
 ULP = 2.0 ** -52
 L_SHAPE = np.array([(0, 0), (4, 0), (4, 1), (1, 1), (1, 4), (0, 4)], float)
@@ -268,39 +269,143 @@ def test_depth_of_convex_bodies_is_the_shortest_offset(name):
     assert overlaps or name not in ('near', 'deep', 'containment', 'slivers', 'many_sided')
 
 
-def non_convex_pairs(rng, count):
-    """Yield pairs of which one or both are non-convex, rotated and overlapping."""
-    shapes = [L_SHAPE, np.array([(0, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)]),
-              np.array([(0, 0), (4, 0), (1, 1), (0, 4)]), np.array(box(0, 0, 2, 1)),
-              np.array([(0, 0), (1, 2)])]
+def star(n, inner):
+    angle = np.arange(n) * 2 * np.pi / n
+    radius = np.where(np.arange(n) % 2, 4.0, 4.0 * inner)
+    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
+
+
+U = np.array([(0, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)], float)
+PLUS = np.array([(1, 0), (2, 0), (2, 1), (3, 1), (3, 2), (2, 2), (2, 3), (1, 3), (1, 2), (0, 2),
+                 (0, 1), (1, 1)], float)
+NOTCHED = [L_SHAPE, U, PLUS, np.array([(0, 0), (4, 0), (1, 1), (0, 4)]), star(8, 0.5),
+           star(12, 0.5)]
+SMALL = [np.array(body, float) for body in (
+    [(0, 0)], [(0, 0), (1, 0)], [(0, 0), (0, 2)], [(0, 0), (1, 1)], box(0, 0, 2), box(0, 0))]
+
+
+def pairs_of(on_lattice, rng, count):
+    """Yield pairs of which one or both are not convex, near each other."""
     for _ in range(count):
-        pair = []
-        for shape in (shapes[rng.integers(3)], shapes[rng.integers(5)]):
-            angle = rng.uniform(0, 7)
-            turn = [[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]
-            pair.append(Polygon(shape @ turn + rng.uniform(-2, 2, 2)))
-        yield pair
+        pair = [NOTCHED[rng.integers(len(NOTCHED))], (NOTCHED + SMALL)[rng.integers(12)]]
+        rng.shuffle(pair)
+        angle = 0.0 if on_lattice else rng.uniform(0, 7)
+        turn = [[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]
+        offset = rng.integers(-5, 6, 2) if on_lattice else rng.uniform(-4, 4, 2)
+        yield tuple(Polygon(body + move) for body, move in zip(
+            (np.rint(body) if on_lattice else body for body in (pair[0], pair[1] @ turn)),
+            (0, offset)))
 
 
-def test_depth_of_non_convex_bodies_ends_the_overlap():
-    """Compared with shapely; the deepest parts alone may need less."""
-    longer = overlaps = 0
-    for a, b in non_convex_pairs(np.random.default_rng(8), 400):
+def pieces(body):
+    """Return the triangles of a body by shapely, as point arrays."""
+    if len(body.vertices) < 3:
+        return [body.vertices]
+    return [np.array(one.exterior.coords)[:3] for one in
+            shapely.constrained_delaunay_triangles(as_shapely(body)).geoms]
+
+
+def difference(a, b):
+    """Return the union of all q - p as a polygon of shapely: a overlaps b moved back by one."""
+    return shapely.union_all([shapely.convex_hull(shapely.MultiPoint(
+        (q[:, None] - p[None]).reshape(-1, 2))) for p in pieces(a) for q in pieces(b)])
+
+
+def overlap(a, b):
+    """Return whether more than boundaries of bodies is common; exact on a lattice."""
+    return as_shapely(a).relate(as_shapely(b))[0] != 'F'
+
+
+def moved(a, way):
+    return Polygon(a.vertices + way)
+
+
+@pytest.mark.parametrize('on_lattice', [False, True], ids=['turned', 'on a lattice'])
+def test_way_out_is_the_shortest(on_lattice):
+    """Compared with the distance from the boundary of the Minkowski difference, by shapely."""
+    longer = on_cuts = 0
+    for a, b in pairs_of(on_lattice, np.random.default_rng(8), 1500):
+        if not overlap(a, b):
+            continue
         found = check(a, b)
-        overlaps += found.separation < 0.0
+        area = difference(a, b)
+        shortest = area.boundary.distance(shapely.Point(0, 0))
+        assert found.depth == pytest.approx(shortest, rel=1e-9)
+        extent = np.ptp(np.concatenate([a.vertices, b.vertices]), axis=0).max()
+        assert not intersects(moved(a, (found.depth + 2 ** -45 * extent) * found.normal), b)
         longer += found.depth > 1e-9 - found.separation
-        moved = Polygon(a.vertices + (found.depth + 1e-9) * found.normal)
-        assert not as_shapely(moved).intersects(as_shapely(b))
-        assert not intersects(moved, b)
-    assert overlaps > 150 and longer > 20
+        on_cuts += found.separation == 0.0
+    assert longer > 100 and on_cuts >= 5 * on_lattice
+
+
+def is_free(a, b, normal):
+    return not overlap(moved(a, 2 ** -20 * normal), b)
+
+
+def sides_of(body):
+    ring = body.vertices
+    return [(start, end) for start, end in zip(ring, np.roll(ring, -1, axis=0))
+            if len(ring) > 1]
+
+
+def touched(a, b):
+    """Return the outward normals of sides of b on which a vertex of a is, exact on a lattice."""
+    for start, end in sides_of(b):
+        if any(left_of(start, end, point) == 0 and shapely.LineString([start, end]).intersects(
+                shapely.Point(point)) for point in a.vertices):
+            ex, ey = (end - start) / np.hypot(*(end - start))
+            yield np.array([ey, -ex])
+
+
+def test_touching_bodies_have_the_normal_of_a_side():
+    """With points on both boundaries; along it a does not overlap, if any touched side allows."""
+    touching = free = 0
+    for a, b in pairs_of(True, np.random.default_rng(9), 3000):
+        if not intersects(a, b) or overlap(a, b):
+            continue
+        touching += 1
+        found = check(a, b)
+        assert found.separation == found.depth == 0.0
+        normals = [*touched(a, b), *(-one for one in touched(b, a))]
+        assert min(abs(one - found.normal).max() for one in normals) <= ULP
+        for body in (a, b):
+            outline = as_shapely(body)
+            outline = outline.boundary if len(body.vertices) > 2 else outline
+            assert all(outline.distance(shapely.Point(point)) <= 4 * ULP
+                       for point in np.concatenate([found.points_a, found.points_b]))
+        if is_free(a, b, found.normal):
+            free += 1
+        else:
+            assert not any(is_free(a, b, one) for one in normals)
+    assert touching > 250 and free > 0.97 * touching
 
 
 def test_depth_in_a_corner_leaves_both_walls():
     """Either wall alone needs less."""
     found = check(Polygon(box(0.75, 0.75)), Polygon(L_SHAPE))
     assert found.separation == -0.25
-    np.testing.assert_allclose(found.normal, [math.sqrt(0.5)] * 2, rtol=1e-15)
-    assert found.depth == pytest.approx(math.sqrt(0.125), rel=1e-14)
+    np.testing.assert_allclose(found.normal, [math.sqrt(0.5)] * 2, rtol=1e-12)
+    assert found.depth == pytest.approx(math.sqrt(0.125), rel=1e-13)
+
+
+def test_far_from_the_origin_the_way_out_is_as_exact():
+    """It depends on the extent of the bodies, not on where they are."""
+    offset = [2.0 ** 40, -2.0 ** 41]
+    here = contact(box(0.75, 0.75), L_SHAPE)
+    there = contact(np.add(box(0.75, 0.75), offset), L_SHAPE + offset)
+    assert there.depth == here.depth and there.normal.tolist() == here.normal.tolist()
+
+
+def test_bodies_of_many_vertices_leave_along_a_straight_line():
+    """Each interlocks with the other, so that too many pairs of parts are near."""
+    a, b = Polygon(star(1000, 0.5)), Polygon(star(1000, 0.25) + [0.5, 0.25])
+    found = check(a, b)
+    gone = moved(a, (found.depth + 1e-12) * found.normal)
+    assert not as_shapely(gone).convex_hull.intersects(as_shapely(b).convex_hull)
+    assert found.depth < 8.5
+    near = contact(a, star(1000, 0.25) + [7.98, 0.0])
+    assert near.depth < 0.1 and not intersects(moved(a, (near.depth + 1e-12) * near.normal),
+                                               star(1000, 0.25) + [7.98, 0.0])
 
 
 @pytest.mark.parametrize('exponent', [-1000, -300, 300, 1015])

@@ -338,17 +338,39 @@ def test_very_fast_rotation():
     assert time_to_contact(BAR, (0, 0, 1e5), [[(1e9, 0)]], 3.0) == math.inf
 
 
-@pytest.mark.parametrize('exponent', [-900, -200, 200, 900])
-def test_scale_does_not_matter(exponent):
-    """Bit by bit, if the tolerance scales, too."""
+@pytest.mark.parametrize('exponent, slower', [
+    (-900, 0), (-200, 0), (200, 0), (900, 0), (0, -900), (0, 900), (-400, -500), (-400, 500),
+    (400, -500), (400, 500)])
+def test_scale_does_not_matter(exponent, slower):
+    """Of lengths and of time, bit by bit, if the tolerance scales, too."""
     for body, _, omega, pose, twist, other in arcs(8, 60):
         scaled = [np.ldexp(one, exponent) for one in (body, other)]
-        move, place = (np.array([math.ldexp(one[0], exponent), math.ldexp(one[1], exponent),
-                                 one[2]]) for one in (twist, pose))
+        move = np.ldexp(twist, [exponent - slower, exponent - slower, -slower])
+        place = np.ldexp(pose, [exponent, exponent, 0])
         tolerance = math.ldexp(1e-3, exponent)
-        assert time_to_contact(scaled[0], move, scaled[1:], 3.0, pose=place,
-                               tolerance=tolerance) == (
-            time_to_contact(body, twist, [other], 3.0, pose=pose))
+        assert time_to_contact(scaled[0], move, scaled[1:], math.ldexp(3.0, slower), pose=place,
+                               tolerance=tolerance) == math.ldexp(
+            time_to_contact(body, twist, [other], 3.0, pose=pose), slower)
+
+
+def test_never_late_for_the_least_turns():
+    """Products with subnormal numbers are wrong by much more than an ulp."""
+    rng = np.random.default_rng(1)
+    for _ in range(300):
+        horizon = rng.uniform(0.5, 4.0) * 10.0 ** rng.integers(-3, 4)
+        omega = 5e-324 * rng.integers(1, 2 ** 12) * rng.choice([-1, 1])
+        speed, share = rng.uniform(0.5, 2.0), rng.uniform(0.05, 0.99)
+        ahead = speed * horizon * share
+        time = time_to_contact([(0, 0)], (speed, 0, omega), [[(ahead, -1), (ahead, 1)]], horizon)
+        assert time <= ahead / speed * (1 + 1e-15)
+        assert time >= (ahead - 1e-9 * horizon) / speed
+
+
+def test_least_ways_are_not_lost():
+    """A way below the least double may end at a body that is nearer than that, too."""
+    assert time_to_contact([(0, 0)], (1e-300, 0, 0), [[(5e-324, 0)]], 1e-30) == 5e-324
+    assert time_to_contact([(0, 0), (5e-324, 0)], (0, 0, 1e-9), [[(5e-324, 5e-324)]], 1.0) <= 1.0
+    assert time_to_contact([(0, 0)], (1.0, 0, 0), [[(1e-30, 0)]], 1e300) <= 1e-30
 
 
 @pytest.mark.parametrize('factor', [1e-300, 1e150, 1e300])
@@ -382,6 +404,21 @@ def test_removed_rows_are_ignored():
         2, pytest.approx(2.0))
     assert rows.first_contact(BAR, (0, 1, 0), 9.0) is None
     assert PolygonSet().first_contact(BAR, (1, 0, 0), 9.0) is None
+
+
+@pytest.mark.parametrize('body, twist, post, velocity', [
+    ([(0, 0), (1e300, 0)], (0, 0, 1e10), (0, 1e300), (0, 0)),
+    ([(0, 0), (1.5e308, 0)], (0, 0, 3), (0, 1e300), (0, 0)),
+    ([(0, 0), (1.5e308, 0)], (1.5e308, 0, 0), (1.7e308, 0), (0, 0)),
+    ([(-1.7e308, 0)], (1e300, 0, 0), (1.7e308, 0), (0, 0)),
+    (BAR, (1, 0, 0), (5, 0), (1.5e308, 0)),
+], ids=['turn', 'arm', 'way', 'between', 'obstacle'])
+def test_what_is_beyond_the_largest_double_is_refused(body, twist, post, velocity):
+    """At 1e-8 of it all is well."""
+    with pytest.raises(ValueError, match='beyond the largest double'):
+        time_to_contact(body, twist, [[post]], 1.0, [velocity])
+    smaller = [np.multiply(one, 1e-9) for one in (body, post, velocity, twist[:2])]
+    time_to_contact(smaller[0], (*smaller[3], min(twist[2], 3)), [smaller[1:2]], 1.0, smaller[2:3])
 
 
 @pytest.mark.parametrize('change, words', [

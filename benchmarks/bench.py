@@ -128,6 +128,10 @@ TABLES = {
     'scene': lambda figures: table_of(figures['scene']['one'], {
         'obstacles': '{obstacles:,}', 'sat_collision': '{us:.1f}',
         'STRtree, built before': '{tree_us:.1f}', 'STRtree, built anew': '{tree_build_us:,.0f}'}),
+    'threads': lambda figures: table_of(figures['scene'].get('threads', []), {
+        'of two sets of 1,000': '{query}', 'one thread': '{one_us:,.0f}',
+        'two threads': '{two_us:,.0f}',
+        'times as fast': lambda one: f'{one["one_us"] / one["two_us"]:.2f}'}),
     'messages': lambda figures: table_of(figures['scene']['message'], {
         'obstacles': '{obstacles:,}', 'obstacle message, alone': '{obstacle_us:.1f}',
         'one of 64': '{together_us:.1f}', 'footprint message': '{footprint_us:.1f}'}),

@@ -12,8 +12,10 @@ The decision alone, beside shapely, and the scene as it grows, beside shapely's 
 
 All run in one process, on the same bodies and in turns. Touching pairs are the worst load that an
 adversary could send: doubles decide no sign. Obstacles are scattered over a map of fixed size.
+Two threads are compared with one that does the work of both.
 """
 
+from concurrent.futures import ThreadPoolExecutor
 import functools
 import time
 import tracemalloc
@@ -22,7 +24,7 @@ from _shared import medians
 from builders import box, serialised, transforms
 from matplotlib import pyplot
 import numpy as np
-from sat_collision import intersects_pairs, Polygon, PolygonSet
+from sat_collision import intersects_pairs, Polygon, PolygonSet, separations
 from sat_collision.monitor import Monitor
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings, TF
 import shapely
@@ -130,6 +132,7 @@ def measure(repeats):
     return {
         'one': [_one_against_many(rng, footprints, size, repeats) for size in SIZES],
         'message': [_message(rng, size, repeats) for size in MESSAGE_SIZES],
+        'threads': _threads(rng, repeats),
         'memory': [_memory(rng, vertices) for vertices in (4, 32, 256)]}
 
 
@@ -153,6 +156,34 @@ def _one_against_many(rng, footprints, size, repeats):
     times = {name: 1e6 * seconds for name, seconds in medians(tasks, repeats).items()}
     return {'obstacles': size, 'tree_build_us': times['build'],
             **{name: times[name] / len(own) for name in ('us', 'tree_us')}}
+
+
+def _threads(rng, repeats, size=1_000):
+    """Return for queries on sets the µs of one thread, and of two threads that each do half."""
+    figures = []
+    with ThreadPoolExecutor(2) as pool:
+        for query in (intersects_pairs, separations):
+            sets = [PolygonSet.from_array(np.array(side))
+                    for side in zip(*random_pairs(rng, size, 64))]
+            single = min(_seconds(query, sets, 1) for _ in range(5))
+            calls = max(1, round(0.05 / single))
+            times = [], []
+            for _ in range(repeats):
+                times[0].append(_seconds(query, sets, 2 * calls))
+                start = time.perf_counter()
+                [*pool.map(functools.partial(_seconds, query, sets), (calls, calls))]
+                times[1].append(time.perf_counter() - start)
+            # The best, because whatever else runs takes a core from two threads first.
+            one, two = (1e6 * min(found) / (2 * calls) for found in times)
+            figures.append({'query': query.__name__, 'one_us': one, 'two_us': two})
+    return figures
+
+
+def _seconds(query, sets, calls):
+    start = time.perf_counter()
+    for _ in range(calls):
+        query(*sets)
+    return time.perf_counter() - start
 
 
 def _monitor(size):

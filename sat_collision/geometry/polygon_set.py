@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from operator import index
 from sys import getrefcount
 from threading import Lock
@@ -78,8 +78,9 @@ class PolygonSet:
         self._used_rows = 0
         self._used_doubles = 0
         self._free: list[int] = []
-        # Held while the set changes, and while a query takes its array, but not while it reads it.
         self._lock = Lock()
+        # What queries take to read: the array, None while the set changes.
+        self._shared: Any = ()
         self._use(new_array(_FEWEST_ROWS, _FEWEST_DOUBLES))
         if isinstance(bodies, Polygon) or is_geometry(bodies):
             raise TypeError(f'one {type(bodies).__name__}, but a set is made of several bodies: '
@@ -168,16 +169,27 @@ class PolygonSet:
         self._rows = views_of(array)
         # A view of its own, so that only queries refer to it as well.
         self._array = indexable(array[:])
+        if self._shared is not None:
+            self._shared = self._array
 
-    def _keep_for_readers(self) -> None:
-        """Before a change: if queries are reading the array, leave it to them and use a copy."""
-        if getrefcount(self._array) > _REFERENCES:
-            self._use(np.array(self._array))
+    def _change(self, change: Callable[[], Any]) -> Any:
+        """Call a function that changes the set, in a copy if queries are reading the array."""
+        with self._lock:
+            self._shared = None
+            try:
+                if getrefcount(self._array) >= _REFERENCES:
+                    self._use(np.array(self._array))
+                return change()
+            finally:
+                self._shared = self._array
 
     def _snapshot(self) -> Any:
         """Return the array as it is, for a query: it does not change while it is referred to."""
-        with self._lock:
-            return self._array
+        array = self._shared
+        if array is None:
+            with self._lock:
+                array = self._shared
+        return array
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, PolygonSet):
@@ -210,11 +222,11 @@ class PolygonSet:
 
         """
         packed = as_polygon(body).packed
-        with self._lock:
-            self._keep_for_readers()
-            row = self._new_row()
-            self._place(row, packed, _EMPTY)
-        return row
+
+        def add() -> int:
+            self._place(row := self._new_row(), packed, _EMPTY)
+            return row
+        return int(self._change(add))
 
     def _new_row(self) -> int:
         """Add a row without a body and return it: the one freed last, if any."""
@@ -240,9 +252,7 @@ class PolygonSet:
 
         """
         packed = as_polygon(body).packed
-        with self._lock:
-            self._keep_for_readers()
-            self._place(self._checked(row), packed, _EMPTY)
+        self._change(lambda: self._place(self._checked(row), packed, _EMPTY))
 
     def _place(self, row: int, body: PackedBody, others: PolygonSet,
                margin: float = 0.0) -> list[int] | None:
@@ -277,9 +287,7 @@ class PolygonSet:
             The row has no body.
 
         """
-        with self._lock:
-            self._keep_for_readers()
-            self._remove(self._checked(row))
+        self._change(lambda: self._remove(self._checked(row)))
 
     def _remove(self, row: int) -> None:
         """Remove the body of a row, if it has one, and free the row for another."""
@@ -324,9 +332,8 @@ class PolygonSet:
 
         """
         packed, count = as_polygon(body).packed
-        with self._lock:
-            array = self._array
-        found = intersecting_rows(array, packed, count)
+        array = self._shared
+        found = intersecting_rows(self._snapshot() if array is None else array, packed, count)
         return _NO_ROWS if found is None else np.asarray(found)
 
     def rows_within(self, body: BodyLike, margin: float) -> NDArray[np.int64]:

@@ -20,6 +20,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 import contextlib
 from functools import partial
+from itertools import product
 from pathlib import Path
 import struct
 import sys
@@ -147,14 +148,15 @@ class _WarmUp:
 
 
 def _warm_up() -> None:
-    """Check recorded motion and the live monitor once each, without and with a margin."""
+    """Check recorded motion and the live monitor by sets and without, with a margin and not."""
     from sat_collision.replay.model.result import Options
     from sat_collision.replay.run import check_recording
-    for as_live in (False, True):
-        for margin in (0.0, 0.1):
-            result = check_recording(cast('Recording', _WarmUp()), Options(
-                parameters={'margin': margin}, as_live=as_live))
-            assert result.contacts and not result.problems, result
+    from sat_collision.scene.settings import DEFAULT_SOURCE, EMPTY_POLYGON, NONE
+    for as_live, margin, set_end in product((False, True), (0.0, 0.1), (EMPTY_POLYGON, NONE)):
+        parameters = {'margin': margin, f'{DEFAULT_SOURCE}.set_end': set_end}
+        result = check_recording(cast('Recording', _WarmUp()), Options(
+            parameters=parameters, as_live=as_live))
+        assert result.contacts and not result.problems, result
 
 
 def _message(time: int, ring: tuple[tuple[float, float], ...], x: float) -> bytes:

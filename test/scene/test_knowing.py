@@ -351,8 +351,8 @@ WITNESSES = (
     (keep_what_another_timeout_has_proved, 'unmarked',
      'timeout · send:F · get:0 · tick:3 · send:F · get:0 · tick · tick · stamps:ahead · send:F'
      ' · get:0 · timeout'),
-    (keep_what_another_clock_has_proved, 'collections, waiting',
-     'clock:ahead · list: · list:FFFFT · all:0 · clock:ahead'),
+    (keep_what_another_clock_has_proved, 'marked',
+     'list:F · send · all:0 · clock:back'),
     (leave_out_what_waits, 'maps as collections',
      'list: · list:R · all:0 · tick:3'),
     (wait_for_what_has_a_place, 'marked, waiting',

@@ -352,12 +352,12 @@ class World:
         self._note_waiting()
 
     def _set_clock(self, how):
+        if how != 'little' and not self.mode.is_map:
+            self._drop_waiting()
         self.now += {'little': -SECOND // 2, 'back': -5 * SECOND, 'ahead': 5 * SECOND}[how]
         if how != 'little':
             self.epoch += 1
             self.epoch_begun = self.latest = self.now
-            if not self.mode.is_map:
-                self._drop_waiting()
             self.placed_at = -NEVER
         if how == 'ahead':
             # The steady clock shows it.
@@ -650,6 +650,7 @@ class World:
             bodies = [message for message in messages if message.body] or [end]
             if (all(self._is_well(message) for message in messages)
                     and min(message.time for message in bodies) >= oldest
+                    and (self.mode.is_map or end.epoch_in == self.epoch)
                     and not any(self._touches(message) for message in self._after(end))
                     and not (self.mode.is_map and self._is_doubtful(one, end))
                     and not (self.mode.set_end == EACH_MESSAGE and not self.mode.is_map
@@ -777,9 +778,11 @@ class World:
 
     def _can_respawn(self):
         """Tell whether the next instance of a killed node is recognised as such."""
-        return (len(self.graph) == 1 and bool(self.graph[0].delivered)
+        return (len(self.graph) == 1 and bool(self.graph[0].delivered) and self.graph[0].is_joined
                 and self.graph == self.matched == self.told and self.graph[0].is_named
                 and not self.graph[0].is_beside_others
+                # Where the clock was set, what waited was dropped.
+                and not (self.mode.frame == MOVING and self.epoch)
                 and not any(one.is_second for one in self.publishers))
 
     def _is_latched(self, own):

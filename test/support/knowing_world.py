@@ -129,8 +129,8 @@ class Message:
         self.time = 0  # that it counts from
         self.arrival = self.epoch_in = 0
         self.until = 0  # when it waits no more
-        # Or because it is from the future.
-        self.is_refused = bool({*(body or '')} & {*'RU'}) or len(body or '') > MAX_COUNT
+        # Or because it is from the future, or has too many polygons.
+        self.is_refused = bool({*(body or '')} & {*'RU'})
         self.placed_by = NEVER  # when its transform had come; it waits until then
 
 
@@ -178,6 +178,9 @@ class World:
     def __init__(self, mode):
         self.mode = MODES[mode]
         self.moves = mode == 'ids'
+        # Where it bounds a listing; not what else is held, or waits.
+        self.max_count = 20 * MAX_COUNT if (
+            self.mode.is_refreshed or self.mode.frame == MOVING) else MAX_COUNT
         self.own_stamps = mode == 'marked, own stamps'
         self.now = self.steady = START
         self.settings = Settings(
@@ -186,7 +189,7 @@ class World:
                 'obstacle', '/obstacles', self.mode.type, self.mode.set_end,
                 timeout=0.0 if self.mode.is_map else TIMEOUT / SECOND,
                 assume_no_loss=not self._may_lose, moving=self.moves,
-                max_count=20 * MAX_COUNT if self.mode.is_refreshed else MAX_COUNT),),
+                max_count=self.max_count),),
             frame_id='map', transform_timeout=TRANSFORM_TIMEOUT / SECOND, max_tf_gap=1e3,
             future_tolerance=TOLERANCE / SECOND, horizon=1e4)
         self.monitor = Monitor(self.settings, transforms=True)
@@ -422,6 +425,7 @@ class World:
         is_keyed = self.mode.type == POLYGON_INSTANCE
         message = Message(publisher, publisher.number, stamp, body, key if is_keyed else None)
         message.epoch = self.epoch
+        message.is_refused |= len(body or '') > self.max_count
         if body in ('F', 'M'):
             message.place = _FAR - _SPEED * (body == 'M') * ((stamp or self.now) - START) / SECOND
         publisher.sent.append(message)

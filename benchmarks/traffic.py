@@ -15,7 +15,6 @@ import struct
 import time
 from typing import NamedTuple
 
-from builders import collection
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
 import numpy as np
@@ -112,6 +111,7 @@ class Traffic:
                     moved[0] = 0.0 if form is forms[met] else (-500.0, 0.0)
                     outlines = [regular(vertices, x, y, 0.5) for x, y in moved]
                     if form.is_whole:
+                        from builders import collection
                         messages.append((form, collection(outlines, 0, _FRAME)[_STAMPED:]))
                         continue
                     outlines += [np.empty((0, 2))] * form.has_marks

@@ -196,6 +196,7 @@ class World:
         self.monitor.scene.tracks_motion = self.moves
         self.publishers = []
         self.graph = []  # as the middleware has it
+        self.seen = []  # in the order in which the monitor was told of them
         self.matched = []  # of which messages can be received
         self.reported = []  # as the monitor was told
         self.waits_since = []  # what was reported before something waited
@@ -392,8 +393,11 @@ class World:
     def _note_waiting(self):
         """Note which messages have been placed since, and which news still wait."""
         for one in self._delivered():
-            if one.placed_by == NEVER and self._has_place(one):
-                one.placed_by = self.now
+            if one.placed_by == NEVER:
+                if self.now > one.until:
+                    one.until = -NEVER
+                elif self._has_place(one):
+                    one.placed_by = self.now
         if not self.monitor.waiting.counts():
             self.waits_since.clear()
 
@@ -498,6 +502,7 @@ class World:
         if self.monitor.waiting.counts():
             self.waits_since.append(self.told)
         self.told = [*publishers]
+        self.seen += [one for one in publishers if one not in self.seen]
         self.matched = [one for one in publishers if one in self.graph]
         self.reported = endpoints
         self.monitor.update_publishers('obstacle', endpoints)
@@ -521,8 +526,8 @@ class World:
         self._drop_waiting()
         self.monitor.renew('obstacle')
         for one in self.matched:
+            one.is_joined = False
             if one.is_alive:
-                one.is_joined = False
                 one.queue = one.sent[-DEPTH:]
 
     def _drop_waiting(self):
@@ -618,8 +623,8 @@ class World:
 
     def _is_ghost(self, one, told):
         """Tell whether a newer publisher of the same node has sent, and this one not since."""
-        newer = [other for other in told[told.index(one) + 1:]
-                 if other.node == one.node and other.delivered]
+        newer = [other for other in self.seen[self.seen.index(one) + 1:]
+                 if other in told and other.node == one.node and other.delivered]
         if not newer:
             return False
         begun = min(message.order for message in newer[-1].delivered)

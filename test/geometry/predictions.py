@@ -65,11 +65,11 @@ def _moved(points, vx, vy, omega, time):
 def _set_of(body):
     """Return a set with a packed body in its only row, see `layout`."""
     size = len(body.array)
-    array = np.zeros(10 + size)
+    array = np.zeros(9 + size)
     array[:2] = 1.0
     array[2:6] = body.array[2:6]
     array.view(np.int64)[7] = body.n
-    array[10:] = body.array
+    array[9:] = body.array
     return array
 
 

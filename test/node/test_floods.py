@@ -17,7 +17,8 @@ import pytest
 from sat_collision.geometry.jit import COMPILED
 
 NODE = ['-m', 'sat_collision.node', '--ros-args', '-p', 'obstacles:=[obstacle, flood]',
-        '-p', 'obstacle.topic:=obstacles', '-p', 'flood.topic:=flood']
+        '-p', 'obstacle.topic:=obstacles', '-p', 'obstacle.set_end:=empty_polygon', '-p',
+        'flood.topic:=flood']
 # The flood ends by itself after this time in s.
 FLOODED = 240.0
 # Messages per second; with more, the middleware loses messages of other topics, too.

@@ -62,6 +62,8 @@ def test_live_node_and_replay_publish_the_same(start, tmp_path, name):
     flags = monitor.listen('~/collision', 10_000)
     sent = 0
     stamps = []
+    monitor.set_clock(next(by_stamp(bag))[0])
+    monitor.until(lambda: monitor.status() and '/clock' not in monitor.reason(), 'the clock')
     for stamp, messages in by_stamp(bag):
         monitor.set_clock(stamp)
         wait(lambda: monitor.monitor.get_clock().now().nanoseconds == stamp)

@@ -19,10 +19,9 @@ import math
 from operator import attrgetter
 
 from builders import box, SECOND, serialised
-import hypothesis
 from hypothesis import strategies as st
-from hypothesis.stateful import (
-    initialize, invariant, rule, RuleBasedStateMachine, run_state_machine_as_test)
+from hypothesis.stateful import initialize, invariant, rule, RuleBasedStateMachine
+from machines import run_until_seen
 import numpy as np
 import pytest
 from sat_collision.geometry.polygon import Polygon
@@ -402,11 +401,8 @@ def ring_of(polygon):
 @pytest.mark.parametrize('machine', (PolygonMachine, MessageMachine))
 def test_scene_agrees_with_the_model(machine):
     """Sources and messages of every kind in any order, with stamps that go back and forth."""
-    machine.seen.clear()
-    run_state_machine_as_test(machine, settings=hypothesis.settings(
-        max_examples=300, stateful_step_count=50, derandomize=True, database=None, deadline=None,
-        report_multiple_bugs=False, phases=(hypothesis.Phase.generate, hypothesis.Phase.shrink)))
-    assert min(machine.seen[status] for status in ('clear', 'collision', 'unknown')) > 500
-    assert min(machine.seen[refusal] for refusal in (
-        FROM_FUTURE, OTHER_FRAME, OVERTAKEN, TOO_MANY, TOO_OLD)) > 50
-    assert min(machine.seen[what] for what in ('brief', 'time', 'never', 'unknown motion')) > 10
+    run_until_seen(machine, {
+        **dict.fromkeys(('clear', 'collision', 'unknown'), 500),
+        **dict.fromkeys((FROM_FUTURE, OTHER_FRAME, OVERTAKEN, TOO_MANY, TOO_OLD), 50),
+        **dict.fromkeys(('brief', 'time', 'never', 'unknown motion'), 10)},
+        examples=300, steps=50)

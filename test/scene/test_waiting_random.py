@@ -20,10 +20,9 @@ from itertools import islice
 from typing import NamedTuple
 
 from builders import SECOND, serialised, transforms
-import hypothesis
 from hypothesis import strategies as st
-from hypothesis.stateful import (
-    initialize, invariant, precondition, rule, RuleBasedStateMachine, run_state_machine_as_test)
+from hypothesis.stateful import initialize, invariant, precondition, rule, RuleBasedStateMachine
+from machines import run_until_seen
 import pytest
 from sat_collision.messages.transform_listener import TF_STATIC
 from sat_collision.monitor import Monitor
@@ -240,10 +239,6 @@ def test_waiting_messages_are_received_in_order():
 
     Messages wait for any time, transforms come in any order, and frames change parents.
     """
-    FramesMachine.seen.clear()
-    run_state_machine_as_test(FramesMachine, settings=hypothesis.settings(
-        max_examples=150, stateful_step_count=40, derandomize=True, database=None, deadline=None,
-        report_multiple_bugs=False, phases=(hypothesis.Phase.generate, hypothesis.Phase.shrink)))
-    assert min(FramesMachine.seen[word] for word in (
+    run_until_seen(FramesMachine, dict.fromkeys((
         'clear', 'collision', 'unknown', 'late', 'exact', 'between', 're-parented', 'refused',
-        'early contact', 'clear while some wait')) > 10
+        'early contact', 'clear while some wait'), 10), examples=150, steps=40)

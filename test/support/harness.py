@@ -299,8 +299,11 @@ class RunningMonitor(MonitorPeer):
         self.until(lambda: reads(stamp), 'a clock')
 
     def _matches_publisher(self, topic):
-        """Tell whether the monitor's scene has found our publisher, if it is to."""
+        """Tell whether the monitor has found our publisher, if it is to."""
         topic = self.node.resolve_topic_name(topic)
+        if topic == '/clock' and not (self.monitor.count_publishers(topic) and
+                                      'publisher' not in self.monitor._scene._clock_fault):
+            return False
         reported = self.monitor._inputs.publishers.reported
         try:
             return super()._matches_publisher(topic) and all(

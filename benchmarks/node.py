@@ -300,9 +300,10 @@ class Collections:
         self._await(1)
 
     def _await(self, number):
-        """Publish a set until the flag is as it says."""
+        """Publish a set, at the usual rate, until the flag is as it says."""
         def is_answered():
             self._publish(number)
+            time.sleep(1 / SET_RATE)
             return self._flags and self._flags[-1] == bool(number % 2)
         self._until(is_answered)
 
@@ -331,6 +332,13 @@ class Collections:
 def measure_whole_sets(seconds, repeats):
     """Return the cost and latency of sets in one message, beside the empty node."""
     rows = []
+    with running('whole', {'obstacle.timeout': '0.0'}) as pid, (
+            contextlib.closing(Collections(1))) as traffic:
+        traffic.connect()
+        pin(pid, max(os.sched_getaffinity(0)))
+        used = cpu_time(pid)
+        time.sleep(seconds)
+        idle = 1e6 * (cpu_time(pid) - used) / (seconds * SET_RATE)
     for obstacles in WHOLE_OBSTACLES:
         us, floor, ratio = together([('whole',), ('whole_floor',)],
                                     lambda: Collections(obstacles), seconds, repeats)
@@ -339,7 +347,7 @@ def measure_whole_sets(seconds, repeats):
             pin(pid, max(os.sched_getaffinity(0)))
             latencies = traffic.latencies(30 * repeats)
         rows.append({'obstacles': obstacles, 'us': us, 'floor_us': floor, 'ratio': ratio,
-                     'core': us * SET_RATE / 1e6,
+                     'idle_us': idle, 'core': us * SET_RATE / 1e6,
                      **_percentiles(latencies, p50_ms=50, p99_ms=99)})
     return rows
 

@@ -20,6 +20,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Sequence
 from functools import partial
+from importlib.util import find_spec
 import math
 import os
 import subprocess
@@ -47,6 +48,13 @@ from visualization_msgs.msg import MarkerArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+if find_spec('polygon_msgs'):
+    from polygon_msgs.msg import Point2D, Polygon2D, Polygon2DCollection as ObstacleMessage
+    _SETS = {'type': 'polygon_collection'}
+else:
+    ObstacleMessage = PolygonStamped
+    _SETS = {'set_end': 'empty_polygon'}
 
 # ROS domains; those below are for the tests, which may run at the same time.
 DOMAINS = range(71, 102)
@@ -77,7 +85,7 @@ _PARAMETERS: dict[str, object] = {
     f'{warehouse.BY_ODOMETRY}.odometry': _ODOMETRY,
     f'{warehouse.BRAKES}.min_time_to_collision': _BRAKES_AHEAD,
     **{f'{name}.timeout': _TIMEOUT for name in (*_ROBOTS, 'warehouse', 'people')},
-    **{f'{name}.set_end': 'empty_polygon' for name in ('warehouse', 'people')},
+    **{f'{name}.{key}': value for name in ('warehouse', 'people') for key, value in _SETS.items()},
 }
 # Texts are drawn larger than in the markers, because a picture cannot be zoomed.
 _ENLARGED = 1.3
@@ -96,8 +104,10 @@ class _Publisher(Node):
     def __init__(self) -> None:
         super().__init__('warehouse')
         published = [name for name in _ROBOTS if name != warehouse.BY_ODOMETRY]
-        self._topics = {name: self.create_publisher(PolygonStamped, name, 100)
-                        for name in [*published, 'warehouse', 'people']}
+        self._topics = {
+            **{name: self.create_publisher(PolygonStamped, name, 100) for name in published},
+            **{name: self.create_publisher(ObstacleMessage, name, 100)
+               for name in ('warehouse', 'people')}}
         self._topics[_ODOMETRY] = self.create_publisher(Odometry, _ODOMETRY, 100)
         self._elapsed = self._goes_on_at = self._speed = self._distance = 0.0
         # Depth 1: only the newest flag counts, and one is received per step.
@@ -151,7 +161,15 @@ class _Publisher(Node):
 
     def _publish_set(self, topic: str, outlines: Sequence[warehouse.Outline], stamp: Time,
                      frame_id: str = warehouse.FRAME) -> None:
-        """Publish obstacles, and the empty polygon that ends their set."""
+        """Publish obstacles in one message; or one by one, and an empty polygon that ends them."""
+        if ObstacleMessage is not PolygonStamped:
+            message = ObstacleMessage()
+            message.header.stamp = stamp
+            message.header.frame_id = frame_id
+            message.polygons = [Polygon2D(points=[Point2D(x=x, y=y) for x, y in outline.tolist()])
+                                for outline in outlines]
+            self._topics[topic].publish(message)
+            return
         for outline in (*outlines, warehouse.NOTHING):
             self._publish(topic, outline, stamp, frame_id)
 

@@ -27,6 +27,7 @@ from typing import cast, NamedTuple
 from sat_collision.geometry.polygon import PackedBody
 from sat_collision.scene.obstacle_store import (
     ObstacleGroup, ObstacleStore, SetGroup, Shape, TOO_MANY)
+from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import (
     EACH_MESSAGE, EMPTY_POLYGON, NEVER, NEW_STAMP, ObstacleSettings, POLYGON_INSTANCE)
 from sat_collision.scene.streams import BEGUN, CONTINUES, JOINED, LOST, News
@@ -134,6 +135,7 @@ class _Listing:
     is_sound: bool  # whether its beginning was received, and nothing of it is missing
     stamp: float = -NEVER  # of its last message
     time: float = NEVER  # of its oldest message
+    oldest: ObstacleId | None = None  # the obstacle of that
     begun: float = NEVER  # when its first obstacle was received
 
     @property
@@ -159,6 +161,7 @@ class Listings(Knowledge):
         self._is_unread = False  # whether the stamp of the last message was not read
         self._ends: deque[int] = deque(maxlen=_MEASURED)
         self._age = 0.0  # of the last whole one when it ended, in s
+        self._oldest: ObstacleId | None = None  # of it, None if it has none
         self._end = settings.ending
         super().__init__(store, settings, tolerance)
 
@@ -215,7 +218,9 @@ class Listings(Knowledge):
         self.newest = max(self.newest, message.stamp)
         self.joined = one.number
         one.stamp = message.stamp
-        one.time = min(one.time, message.time)
+        if message.time < one.time:
+            place = len(one.group) if message.instance is None else message.instance
+            one.time, one.oldest = message.time, ObstacleId(self._store.source, place)
         one.begun = min(one.begun, now)
         return one.group
 
@@ -300,8 +305,8 @@ class Listings(Knowledge):
         if 0 < self.rate * self.timeout < 1e9:
             return f'sends a set every {1 / self.rate:.2g} s: raise timeout above that'
         if self._age:
-            return (f'sends sets whose oldest obstacle is {self._age:.2g} s old when they end, '
-                    f'more than {self._timeout_in_words}')
+            return (f'sends sets whose oldest obstacle, {self._oldest}, is {self._age:.2g} s old '
+                    f'when they end, more than {self._timeout_in_words}')
         return f'has not sent a whole {what} yet'
 
     def _continue(self, message: Message, now: int) -> None:
@@ -343,7 +348,7 @@ class Listings(Knowledge):
             self._whole, self.is_known, self._missed = one, True, ''
             self.last_whole = one.number
             self.wants_history = False
-            self._age = (now - one.time) / 1e9
+            self._age, self._oldest = (now - one.time) / 1e9, one.oldest
         elif len(one.group):
             self._newer.append(one)
             if len(self._newer) > _MAX_NEWER:

@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-all knowing docs bench report accuracy adversary faults soak fuzz clean
+.PHONY: demo test test-all knowing paths docs bench report accuracy adversary faults soak fuzz clean
 
 demo: $(VENV)/demo.stamp
 	$(BIN)/python -m sat_collision.demo
@@ -39,6 +39,11 @@ accuracy: $(VENV)/bench.stamp
 EVALUATIONS ?= 1e7
 adversary: $(VENV)/test.stamp
 	PYTHONPATH=.:test/support $(BIN)/python test/geometry/adversary.py --evaluations $(EVALUATIONS)
+
+# Random paths beside shapely at 10,000 places of each segment: make paths PATHS=1e3
+PATHS ?= 1e5
+paths: $(VENV)/test.stamp
+	PYTHONPATH=.:test/support $(BIN)/python test/geometry/paths.py --paths $(PATHS)
 
 # What can happen around one source, every order of DEPTH events and random RUNS in each form:
 # make knowing DEPTH=1 RUNS=1e3

@@ -15,8 +15,8 @@ import re
 import sat_collision
 
 _ORDER = ['intersects', 'intersects_many', 'intersects_pairs', 'separation', 'separations',
-          'closest_points', 'contact', 'Contact', 'time_of_contact', 'time_to_contact', 'Polygon',
-          'PolygonSet', 'PolygonError', 'Reason']
+          'closest_points', 'contact', 'Contact', 'time_of_contact', 'time_to_contact',
+          'first_contact_along', 'PathContact', 'Polygon', 'PolygonSet', 'PolygonError', 'Reason']
 
 
 def api_entries():
@@ -32,7 +32,8 @@ def _entry(name):
     thing = getattr(sat_collision, name)
     if not inspect.isclass(thing):
         return f'## {name}\n\n```python\n{name}{_signature(thing)}\n```\n\n{_markdown(thing)}'
-    lines = [f'## {"class " if name == "Contact" else ""}{name}', '', _markdown(thing)]
+    is_result = name in ('Contact', 'PathContact')
+    lines = [f'## {"class " if is_result else ""}{name}', '', _markdown(thing)]
     for method, value in vars(thing).items():
         function = getattr(value, 'fget', None) or getattr(value, '__func__', value)
         if method[0] != '_' and inspect.isfunction(function):

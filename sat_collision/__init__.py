@@ -20,6 +20,7 @@ Where are they nearest?                        closest_points
 What are contact normal, points and depth?     contact
 When do moving bodies meet?                    time_of_contact
 When does a robot meet an obstacle?            time_to_contact
+Where does a path meet an obstacle?            first_contact_along
 One body against a set that changes            PolygonSet
 =============================================  =====================================
 
@@ -37,6 +38,7 @@ from typing import Any, TYPE_CHECKING
 if TYPE_CHECKING:
     from sat_collision.geometry.contact import Contact, contact
     from sat_collision.geometry.jit import KERNEL
+    from sat_collision.geometry.path import first_contact_along, PathContact
     from sat_collision.geometry.polygon import Polygon, PolygonError, Reason
     from sat_collision.geometry.polygon_set import PolygonSet
     from sat_collision.geometry.query import (
@@ -47,12 +49,14 @@ if TYPE_CHECKING:
 __all__ = [
     'Contact',
     'KERNEL',
+    'PathContact',
     'Polygon',
     'PolygonError',
     'PolygonSet',
     'Reason',
     'closest_points',
     'contact',
+    'first_contact_along',
     'intersects',
     'intersects_many',
     'intersects_pairs',
@@ -63,9 +67,9 @@ __all__ = [
 ]
 
 # The modules in geometry of the names that are not in query.
-_HOMES = {'Contact': 'contact', 'contact': 'contact', 'KERNEL': 'jit', 'Polygon': 'polygon',
-          'PolygonError': 'polygon', 'Reason': 'polygon', 'PolygonSet': 'polygon_set',
-          'time_of_contact': 'sweep'}
+_HOMES = {'Contact': 'contact', 'contact': 'contact', 'first_contact_along': 'path',
+          'KERNEL': 'jit', 'PathContact': 'path', 'Polygon': 'polygon', 'PolygonError': 'polygon',
+          'PolygonSet': 'polygon_set', 'Reason': 'polygon', 'time_of_contact': 'sweep'}
 
 
 def __dir__() -> list[str]:

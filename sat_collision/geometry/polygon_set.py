@@ -356,7 +356,7 @@ class PolygonSet:
         """
         if not margin >= 0.0:
             raise ValueError(f'margin {margin}, but it has to be 0 or more')
-        return _rows_within(self._snapshot(), as_polygon(body), float(margin))
+        return rows_within(self._snapshot(), as_polygon(body), float(margin))
 
     def nearest(self, body: BodyLike, skipped: Iterable[int] = ()
                 ) -> tuple[int, float, Point, Point] | None:
@@ -425,7 +425,7 @@ class PolygonSet:
         array = self._snapshot()
         ways = ways_of(velocities, int(array[1]), motion[5])
         skipped = set(skipped)
-        for row in _rows_within(array, polygon, float(motion[-1])).tolist():
+        for row in rows_within(array, polygon, float(motion[-1])).tolist():
             if row not in skipped:
                 return row, 0.0
         packed, count = polygon.packed
@@ -437,7 +437,7 @@ class PolygonSet:
         """Return for each row whether its body shares a point with a body: (m,) bool."""
         array = self._snapshot()
         answers = np.zeros(int(array[1]), np.bool_)
-        answers[_rows_within(array, as_polygon(body), 0.0)] = True
+        answers[rows_within(array, as_polygon(body), 0.0)] = True
         return answers
 
     def intersects_pairs(self, other: PolygonSet) -> NDArray[np.bool_]:
@@ -577,7 +577,7 @@ def _restored(kind: type[PolygonSet], free: list[int], used: int, rows: NDArray[
     return bodies
 
 
-def _rows_within(array: Any, body: Polygon, margin: float) -> NDArray[np.int64]:
+def rows_within(array: Any, body: Polygon, margin: float) -> NDArray[np.int64]:
     """Return the rows of a set that are no further than a margin from a body."""
     packed, count = body.packed
     found = (intersecting_rows(array, packed, count) if margin == 0.0

@@ -49,7 +49,7 @@ _LEAST = 5e-324
 _FARTHEST = 2.0 ** 1020
 # A smaller share of the horizon is none.
 _LEAST_SHARE = 2.0 ** -1000
-_BEYOND = 'a path, or its distance from a body, is beyond the largest double, or nearly'
+BEYOND = 'a path, or its distance from a body, is beyond the largest double, or nearly'
 
 
 class Motion(NamedTuple):
@@ -162,21 +162,34 @@ def first_row_met(set_array, body, count, motion, ways, skipped):
     """
     require_nearest(count)
     rows = rows_of(set_array)
-    path = _path(packed_polygon(body, count), motion)
+    motion = Motion(motion[0], motion[1], motion[2], motion[3], motion[4], motion[5], motion[6],
+                    motion[7])
+    path = path_of(parts_about(packed_polygon(body, count), motion.x, motion.y, 1.0), motion)
     # The box after those of the pieces is that of the whole path.
     candidates = scratch_integers(rows.used)
     near = 0
-    beyond = False
     for row in range(rows.used):
         if (rows.n[row] != 0 and _may_meet(path, path.pieces, rows, row, ways)
                 and not contains(skipped, row)):
-            # Sums of a few such lengths must not overflow; if they do, boxes are never apart.
-            beyond = beyond or not 8.0 * (path.reach + _reach(path, rows, row, ways)) < math.inf
-            if not _is_beside(path, rows, row, ways):
-                candidates[near] = row
-                near += 1
+            candidates[near] = row
+            near += 1
+    return first_met(path, rows, ways, candidates, near)
+
+
+@inner
+def first_met(path, rows, ways, candidates, count):
+    """Do what `first_row_met` does, among so many rows near the path, which are overwritten."""
+    near = 0
+    beyond = False
+    for k in range(count):
+        row = candidates[k]
+        # Sums of a few such lengths must not overflow; if they do, boxes are never apart.
+        beyond = beyond or not 8.0 * (path.reach + _reach(path, rows, row, ways)) < math.inf
+        if not _is_beside(path, rows, row, ways):
+            candidates[near] = row
+            near += 1
     if beyond:
-        raise ValueError(_BEYOND)
+        raise ValueError(BEYOND)
     first = -1
     share = math.inf
     piece = 0
@@ -197,11 +210,8 @@ def first_row_met(set_array, body, count, motion, ways, skipped):
 
 
 @inner
-def _path(p, motion):
-    """Return the path of a packed polygon."""
-    motion = Motion(motion[0], motion[1], motion[2], motion[3], motion[4], motion[5], motion[6],
-                    motion[7])
-    body = parts_about(p, motion.x, motion.y, 1.0)
+def path_of(body, motion):
+    """Return the path of a body given as `parts_about` gives it, relative to the origin."""
     radius = 0.0
     for k in range(0, len(body.array), 2):
         radius = max(radius, length(body.array[k], body.array[k + 1]))
@@ -209,7 +219,7 @@ def _path(p, motion):
     if radius > 0.0 and motion.turn != 0.0:
         speed += _LEAST
     if not 8.0 * (radius + speed) < math.inf:
-        raise ValueError(_BEYOND)
+        raise ValueError(BEYOND)
     turned = min(abs(motion.turn) / _TURN, _MAX_PIECES)
     pieces = max(1, int(math.ceil(turned)))
     boxes = scratch(4 * pieces + 4)

@@ -39,9 +39,9 @@ from sat_collision.geometry.convex_parts import convex_parts
 from sat_collision.geometry.jit import COMPILED, indexable, KERNEL
 from sat_collision.geometry.layout import packed_size
 from sat_collision.geometry.packing import pack_convex, TRIPLE
+from sat_collision.geometry.path import first_contact_along, first_row_met_on
 from sat_collision.geometry.polygon import Polygon, UNMOVED
 from sat_collision.geometry.polygon_set import PackedSet, PolygonSet
-from sat_collision.geometry.prediction import first_row_met
 from sat_collision.geometry.query import (
     closest_points, intersects, intersects_pairs, separations)
 from sat_collision.geometry.sweep import time_of_contact
@@ -123,7 +123,7 @@ def is_prepared() -> bool:
         return True
     # This imports numba, which may be missing or broken.
     from sat_collision.geometry.kernel_cache import is_kept
-    return is_kept(contact_of_arrays) and is_kept(first_row_met)
+    return is_kept(contact_of_arrays) and is_kept(first_row_met_on)
 
 
 def prepare_packing() -> None:
@@ -163,7 +163,10 @@ def prepare_distances() -> None:
 def prepare_motion() -> None:
     """Prepare the kernels that predict contacts."""
     # The bodies begin apart: otherwise no motion is computed.
-    PackedSet([_origin()]).first_contact(Polygon(_TRIANGLE + 1), (1, 0, 1), 1.0)
+    bodies = PackedSet([_origin()])
+    bodies.first_contact(Polygon(_TRIANGLE + 1), (1, 0, 1), 1.0)
+    # Last, because `is_prepared` checks for it.
+    first_contact_along(_TRIANGLE + 1, [(0, 0, 0), (1, 0, 1)], bodies)
 
 
 def prepare_pairs() -> None:

@@ -19,8 +19,8 @@ import families
 import numpy as np
 import pytest
 from sat_collision import (
-    contact, intersects, intersects_pairs, Polygon, PolygonSet, separation, time_of_contact,
-    time_to_contact)
+    contact, first_contact_along, intersects, intersects_pairs, Polygon, PolygonSet, separation,
+    time_of_contact, time_to_contact)
 
 ROOT = Path(__file__).resolve().parents[2]
 ALL = {**families.CONVEX, **families.SIMPLE}
@@ -60,7 +60,9 @@ def library_answers():
                               *(time_to_contact(p + 2 * np.ptp(q), (*twist, 1.5), [q, p], 2.0,
                                                 [twist, (0, 0)]).hex()
                                 for twist in np.ptp(q, axis=0) * [(-1, 0), (1, -2)]),
-                              *(np.asarray(one).tobytes().hex() for one in contact(p, q))]
+                              *(np.asarray(one).tobytes().hex() for one in contact(p, q)),
+                              first_contact_along(p, np.outer(
+                                  np.arange(-1, 3), [*np.ptp(q, axis=0), 2.5]), [q])]
     answers['moved'] = [np.asarray(Polygon.from_float32(*message, affine=affine).packed[0])
                         .tobytes().hex() for message, affine in moved_messages(9)]
     return json.loads(json.dumps(answers))

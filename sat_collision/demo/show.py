@@ -78,6 +78,7 @@ _PARAMETERS: dict[str, object] = {
     'obstacles': ['warehouse', 'people'],
     'frame_id': warehouse.FRAME,
     'watchdog': _TIMEOUT,
+    'transform_timeout': _TIMEOUT,
     'release_delay': 1.0,
     f'{warehouse.BY_ODOMETRY}.points': warehouse.FOOTPRINTS[
         warehouse.BY_ODOMETRY].ravel().tolist(),

@@ -19,13 +19,13 @@ from pathlib import Path
 import sys
 import time
 
-from _shared import describe, ROOT, table, table_of
+from _shared import describe, duration, ROOT, table, table_of
 import node
 from page_parts import with_tables
 import scene
 
 PACKAGES = 'numpy', 'numba', 'shapely', 'rclpy'
-PARTS = 'kernel', 'scene', 'node', 'whole_sets', 'frames', 'startup'
+PARTS = 'kernel', 'scene', 'maps', 'node', 'whole_sets', 'frames', 'startup'
 PLOTS = {'kernel': scene.plot, 'node': node.plot}
 _KERNELS = {'monitor': 'numba', 'plain': 'plain Python'}
 
@@ -58,6 +58,7 @@ def measure(quick, parts):
     measures = {
         'kernel': lambda: scene.measure_pairs(*((2_000, 3) if quick else (20_000, 7))),
         'scene': lambda: scene.measure(5 if quick else 25),
+        'maps': lambda: scene.measure_maps(3 if quick else 15),
         'node': lambda: node.measure(seconds, repeats),
         'whole_sets': lambda: node.measure_whole_sets(seconds, repeats),
         'frames': lambda: {**node.measure_frames(seconds, repeats),
@@ -132,6 +133,12 @@ TABLES = {
     'scene': lambda figures: table_of(figures['scene']['one'], {
         'obstacles': '{obstacles:,}', 'sat_collision': '{us:.1f}',
         'STRtree, built before': '{tree_us:.1f}', 'STRtree, built anew': '{tree_build_us:,.0f}'}),
+    'maps': lambda figures: table_of(figures['maps'], {
+        'obstacles': '{obstacles:,}', 'with an index': '{indexed_us:.1f}',
+        'STRtree': '{tree_us:.1f}', 'without an index': '{scan_us:.1f}',
+        'nearest, with an index': '{nearest_us:.1f}',
+        'build the index': lambda one: duration(1e3 * one['build_us']),
+        'build the STRtree': lambda one: duration(1e3 * one['tree_build_us'])}),
     'threads': lambda figures: table_of(figures['scene'].get('threads', []), {
         'of two sets of 1,000': '{query}', 'one thread': '{one_us:,.0f}',
         'two threads': '{two_us:,.0f}',

@@ -33,9 +33,12 @@ from traffic import regular
 
 VERTICES = (4, 8, 16, 32, 64, 256, 1024)
 SIZES = 10, 100, 1_000, 10_000, 100_000
+MAP_SIZES = 100, 1_000, 10_000, 100_000, 400_000, 1_000_000
 MESSAGE_SIZES = 10, 100, 1_000, 10_000
 MAP = 200.0
 _FOOTPRINTS = 100
+# Queries of a map that is not to get an index.
+_SCANS = 10
 _START = 1_700_000_000 * 10**9
 # As many messages as the node processes in one call.
 _TOGETHER = 64
@@ -156,6 +159,41 @@ def _one_against_many(rng, footprints, size, repeats):
     times = {name: 1e6 * seconds for name, seconds in medians(tasks, repeats).items()}
     return {'obstacles': size, 'tree_build_us': times['build'],
             **{name: times[name] / len(own) for name in ('us', 'tree_us')}}
+
+
+def measure_maps(repeats):
+    """Return for maps of one obstacle in four square metres the µs a query, ms to build."""
+    rng = np.random.default_rng(1)
+    return [_map(rng, size, repeats) for size in MAP_SIZES]
+
+
+def _map(rng, size, repeats):
+    side = 2.0 * size ** 0.5
+    outlines, footprints = (
+        np.array([regular(4, 0.0, 0.0, radius)]) + rng.uniform(0, side, (count, 1, 2))
+        for count, radius in ((size, 0.5), (_FOOTPRINTS, 1.0)))
+    bodies, indexed = PolygonSet.from_array(outlines), PolygonSet.from_array(outlines)
+    polygons = shapely.polygons(outlines)
+    tree = shapely.STRtree(polygons)
+    own = [Polygon(outline) for outline in footprints]
+    theirs = [shapely.Polygon(outline) for outline in footprints]
+
+    def build():
+        indexed.replace(0, indexed.polygon(0))  # drops the index
+        indexed.index()
+    build()
+    tasks = {'indexed': lambda: [indexed.intersecting_rows(body) for body in own],
+             'tree': lambda: [tree.query(body, predicate='intersects') for body in theirs],
+             'nearest': lambda: [indexed.nearest(body) for body in own]}
+    for found, other, _ in zip(*(task() for task in tasks.values())):
+        assert np.array_equal(found, np.sort(other))
+    # Fewer queries than make it build an index; by themselves, because they flush the caches.
+    scan = {'scan': lambda: [bodies.intersecting_rows(body) for body in own[:_SCANS]]}
+    builds = {'build': build, 'tree_build': lambda: shapely.STRtree(polygons).query(theirs[0])}
+    return {'obstacles': size, **{
+        f'{name}_us': 1e6 * seconds / queries
+        for some, queries in ((tasks, len(own)), (scan, _SCANS), (builds, 1))
+        for name, seconds in medians(some, repeats).items()}}
 
 
 def _threads(rng, repeats, size=1_000):

@@ -27,8 +27,9 @@ The table divides directions into sectors, four per double: a double holds four 
 without loss. It only says where a search starts, so its rounding does not affect any result.
 
 A set is one array, because each array that Python passes to a kernel costs 70 ns, a good part of
-the time of a message. It begins with the number of rows that there is room for and the number that
-are, or were, in use. Then follow the table of rows, column by column, and the packed bodies.
+the time of a message. It begins with the number of rows that there is room for, the number that
+are, or were, in use, and the size of an index of them. Then follow the table of rows, column by
+column; the room of the index, see `box_index`, which may be built or not; and the packed bodies.
 """
 
 from typing import Any, NamedTuple
@@ -46,8 +47,12 @@ ENTRY_BITS = 13
 ENTRY_MASK = (1 << ENTRY_BITS) - 1
 
 # How many numbers a set has before its columns, and how many columns.
-_HEAD = 2
+_HEAD = 3
 _COLUMNS = 7
+
+# Entries of a node of an index, and how many doubles it takes.
+FANOUT = 16
+NODE = 5 * FANOUT
 
 _INFINITY = float('inf')
 
@@ -155,6 +160,12 @@ def body_size(p):
 
 
 @inlined
+def bounds_in(p):
+    """Return the bounds of a packed polygon: min x, min y, max x, max y."""
+    return beyond(p.array, p.start + 2)
+
+
+@inlined
 def outline_of(p):
     """Return the indices at which the outline of a packed polygon begins and ends."""
     if p.n > 0:
@@ -175,7 +186,8 @@ class Rows(NamedTuple):
     start: NDArray[np.int64]
     n: NDArray[np.int64]
     space: NDArray[np.int64]
-    # Flat array of float64: the packed bodies.
+    # Flat arrays of float64: the index, if it is built, and the packed bodies.
+    nodes: NDArray[np.float64]
     packed: NDArray[np.float64]
     # How many rows are, or were, in use.
     used: int
@@ -190,7 +202,8 @@ def rows_of(array):
     whole = integers(column)
     return Rows(column, beyond(column, room), beyond(column, 2 * room), beyond(column, 3 * room),
                 beyond(whole, 4 * room), beyond(whole, 5 * room), beyond(whole, 6 * room),
-                beyond(column, _COLUMNS * room), int(numbers[1]))
+                beyond(column, _COLUMNS * room), beyond(column, _COLUMNS * room + int(numbers[2])),
+                int(numbers[1]))
 
 
 @inlined
@@ -207,9 +220,19 @@ def packed_sizes(counts: NDArray[np.int64]) -> NDArray[np.int64]:
 
 def new_array(rows: int, doubles: int) -> NDArray[np.float64]:
     """Return the array of an empty set with room for so many rows, and doubles for bodies."""
-    array = np.zeros(_HEAD + _COLUMNS * rows + doubles)
+    index = NODE * sum(level_sizes(rows))
+    array = np.zeros(_HEAD + _COLUMNS * rows + index + doubles)
     array[0] = rows
+    array[2] = index
     return array
+
+
+def level_sizes(rows: int) -> list[int]:
+    """Return how many nodes the levels of an index of rows have, the leaves first."""
+    sizes = [-(-rows // FANOUT)]
+    while sizes[-1] > 1:
+        sizes.append(-(-sizes[-1] // FANOUT))
+    return sizes
 
 
 def views_of(array: NDArray[np.float64]) -> Rows:
@@ -217,7 +240,9 @@ def views_of(array: NDArray[np.float64]) -> Rows:
     room = int(array[0])
     end = _HEAD + _COLUMNS * room
     columns = array[_HEAD:end].reshape(_COLUMNS, room)
-    return Rows._make((*columns[:4], *columns[4:].view(np.int64), array[end:], int(array[1])))
+    packed = end + int(array[2])
+    return Rows._make((*columns[:4], *columns[4:].view(np.int64), array[end:packed],
+                       array[packed:], int(array[1])))
 
 
 def use_rows(array: NDArray[np.float64], used: int) -> None:

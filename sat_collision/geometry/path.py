@@ -23,14 +23,15 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from sat_collision.geometry.box_index import box_gap, rows_near
 from sat_collision.geometry.floating_point import require_nearest
-from sat_collision.geometry.jit import indexable, inlined, inner, kernel, scratch, scratch_integers
+from sat_collision.geometry.jit import indexable, inner, kernel, scratch, scratch_integers
 from sat_collision.geometry.layout import packed_polygon, rows_of
 from sat_collision.geometry.moving import MovingBody, parts_about
 from sat_collision.geometry.plane import length
 from sat_collision.geometry.polygon import as_polygon, BodyLike, Polygon
 from sat_collision.geometry.polygon_set import PolygonSet, rows_within
-from sat_collision.geometry.prediction import BEYOND, first_met, Motion, path_of
+from sat_collision.geometry.prediction import BEYOND, first_met, Motion, path_of, ways_of
 from sat_collision.geometry.sweep import limits
 
 _TOLERANCE = 1e-3
@@ -121,13 +122,13 @@ def first_contact_along(body: BodyLike, poses: ArrayLike,
     margin = limits(_TOLERANCE, margin)[1]
     polygon = as_polygon(body)
     bodies = obstacles if isinstance(obstacles, PolygonSet) else PolygonSet(obstacles)
-    array = bodies._snapshot()
+    array, indexed = bodies._snapshot()
     placed = _placed(polygon, path[0])
-    for row in rows_within(array, placed, margin).tolist():
+    for row in rows_within(array, indexed, placed, margin).tolist():
         return PathContact(0.0, 0.0, row)
     row, segment, share, distance = first_row_met_on(
-        array, *polygon.packed, indexable(path.ravel()), margin,
-        indexable(np.zeros(2 * int(array[1]))))
+        array, indexed, *polygon.packed, indexable(path.ravel()), margin,
+        indexable(ways_of(None, int(array[1]), 1.0)))
     if row < 0:
         return None
     pose = segment + share
@@ -160,7 +161,7 @@ def _placed(polygon: Polygon, pose: NDArray[np.float64]) -> Polygon:
 
 
 @kernel
-def first_row_met_on(set_array, body, count, poses, margin, ways):
+def first_row_met_on(set_array, indexed, body, count, poses, margin, ways):
     """
     Find which row of a set, none of which moves, a body meets first after the first of some poses.
 
@@ -177,16 +178,22 @@ def first_row_met_on(set_array, body, count, poses, margin, ways):
     boxes = scratch(4 * segments)
     for segment in range(segments):
         _write_box(poses, segment, _motion(poses, segment, margin), radius, boxes)
-    everywhere = scratch_integers(rows.used)
-    total = _rows_in(rows, _box(boxes, 0, segments), everywhere)
-    around = scratch_integers(total)
-    close = scratch_integers(total)
-    some = few = 0
+    # Row by row for the whole path, unless it is quick to find those of each chunk.
+    everywhere = around = close = scratch_integers(0)
+    total = some = few = 0
+    if not indexed:
+        everywhere, total = rows_near(rows, indexed, _box(boxes, 0, segments), 0.0)
+        around = scratch_integers(total)
+        close = scratch_integers(total)
     travelled = 0.0
     for segment in range(segments):
         if segment % _CHUNK == 0:
             box = _box(boxes, segment, min(segment + _CHUNK, segments))
-            some = _those_in(rows, box, everywhere, total, around)
+            if indexed:
+                around, some = rows_near(rows, indexed, box, 0.0)
+                close = scratch_integers(some)
+            else:
+                some = _those_in(rows, box, everywhere, total, around)
         motion = _motion(poses, segment, margin)
         few = _those_in(rows, _box(boxes, segment, segment + 1), around, some, close)
         way = length(motion.vx, motion.vy)
@@ -252,32 +259,14 @@ def _box(boxes, segment, end):
 
 
 @inner
-def _rows_in(rows, box, found):
-    """Write the rows whose boxes meet a box; return how many."""
-    count = 0
-    for row in range(rows.used):
-        if rows.n[row] != 0 and _meets(rows, row, box):
-            found[count] = row
-            count += 1
-    return count
-
-
-@inner
 def _those_in(rows, box, among, size, found):
-    """Write which of so many rows have boxes that meet a box; return how many."""
+    """Write which of so many rows have bodies whose boxes meet a box; return how many."""
     count = 0
     for k in range(size):
-        if _meets(rows, among[k], box):
+        if rows.n[among[k]] != 0 and box_gap(rows, among[k], box) <= 0.0:
             found[count] = among[k]
             count += 1
     return count
-
-
-@inlined
-def _meets(rows, row, box):
-    min_x, min_y, max_x, max_y = box
-    return (rows.min_x[row] <= max_x and rows.max_x[row] >= min_x
-            and rows.min_y[row] <= max_y and rows.max_y[row] >= min_y)
 
 
 @inner

@@ -341,6 +341,21 @@ def coordinates(points: BodyLike) -> NDArray[np.float64]:
         raise _wrong(f'not an array of points: {error}') from error
 
 
+def ends_of(offsets: Any, count: int) -> NDArray[np.int64]:
+    """Return where points of bodies begin and the last ones end, see `PolygonSet.from_array`."""
+    ends = np.arange(count + 1)
+    levels: tuple[Any, ...] = offsets if isinstance(offsets, tuple) else (offsets,)
+    for level in map(np.asarray, levels):
+        if (len(levels) > 2 or level.ndim != 1 or level.dtype.kind not in 'iu' or not len(level)
+                or level[0] < 0 or level[-1] >= len(ends) or (level[1:] < level[:-1]).any()):
+            raise ValueError(f'offsets {offsets!r}, but they have to be ascending indices of '
+                             'points, or as shapely has them for polygons, lines or points')
+        ends = ends[level]
+    if len(levels) == 2 and (holes := np.flatnonzero(np.diff(levels[1]) > 1)).size:
+        raise PolygonError(Reason.WRONG_SHAPE, f'body {holes[0]}: a polygon with holes')
+    return ends
+
+
 def is_geometry(body: Any) -> bool:
     """Return whether an object has a `__geo_interface__`, even if reading it fails."""
     try:

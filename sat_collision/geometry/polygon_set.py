@@ -11,23 +11,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from operator import index
+from collections.abc import Callable, Iterable
+import operator
 from sys import getrefcount
 from threading import Lock
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sat_collision.geometry.jit import indexable
+from sat_collision.geometry.box_index import build_index
+from sat_collision.geometry.jit import COMPILED, indexable
 from sat_collision.geometry.layout import (
     new_array, packed_size, packed_sizes, slices_of, use_rows, value_of, views_of)
 from sat_collision.geometry.packing import DOUBLE, PAIR
 from sat_collision.geometry.polygon import (
-    as_polygon, BodyLike, coordinates, is_geometry, MAX_VERTICES, PackedBody, Polygon,
+    as_polygon, BodyLike, coordinates, ends_of, is_geometry, MAX_VERTICES, PackedBody, Polygon,
     PolygonError, Reason, size_of, UNMOVED)
 from sat_collision.geometry.prediction import first_row_met, motion_of, ways_of
-from sat_collision.geometry.run import IN_ONE_MESSAGE, Run, write_run
+from sat_collision.geometry.run import IN_ONE_MESSAGE, write_run
 from sat_collision.geometry.scan import (
     decide_rows, intersecting_rows, measure_rows, near_rows, NEAREST, NO_ROOM, UNCHANGED,
     write_and_intersect, write_row)
@@ -37,8 +38,11 @@ Point = tuple[float, float]
 
 _FEWEST_ROWS = 16
 _FEWEST_DOUBLES = 1024
+# From so many rows on a set gets an index, once it has answered so many queries unchanged: with
+# fewer a scan is as fast, and building the index takes as long as these queries do.
+_FEWEST_INDEXED = 500
+_QUERIES = 200 if COMPILED else 2 ** 62
 _NO_ROWS = np.empty(0, np.int64)
-_NO_ARRAY = indexable(np.empty(0))
 _NO_BODIES = indexable(new_array(0, 0))
 
 
@@ -79,8 +83,11 @@ class PolygonSet:
         self._used_doubles = 0
         self._free: list[int] = []
         self._lock = Lock()
-        # What queries take to read: the array, None while the set changes.
-        self._shared: Any = ()
+        # What queries take to read, the array and whether it has an index, 1 or 0, which kernels
+        # take faster than a bool; None if `_snapshot` has to see to it.
+        self._shared: tuple[Any, int] | None = None
+        # How many queries there were since the last change; 0 of a set too small for an index.
+        self._queries = 0
         self._use(new_array(_FEWEST_ROWS, _FEWEST_DOUBLES))
         if isinstance(bodies, Polygon) or is_geometry(bodies):
             raise TypeError(f'one {type(bodies).__name__}, but a set is made of several bodies: '
@@ -125,7 +132,7 @@ class PolygonSet:
             ends = array.shape[1] * np.arange(len(array) + 1)
             array = array.reshape(-1, array.shape[2])
         else:
-            ends = _ends(offsets, len(array))
+            ends = ends_of(offsets, len(array))
         bodies = cls()
         try:
             doubles = coordinates(array[:, :2] if array.shape[1] == 3 else array)
@@ -169,32 +176,66 @@ class PolygonSet:
         self._rows = views_of(array)
         # A view of its own, so that only queries refer to it as well.
         self._array = indexable(array[:])
-        if self._shared is not None:
-            self._shared = self._array
+        self._forget_index()
 
     def _change(self, change: Callable[[], Any]) -> Any:
         """Call a function that changes the set, in a copy if queries are reading the array."""
         with self._lock:
             self._shared = None
-            try:
-                if getrefcount(self._array) >= _REFERENCES:
-                    self._use(np.array(self._array))
-                return change()
-            finally:
-                self._shared = self._array
+            if getrefcount(self._array) > _REFERENCES:
+                self._use(np.array(self._array))
+            self._queries = 0
+            return change()
 
-    def _snapshot(self) -> Any:
-        """Return the array as it is, for a query: it does not change while it is referred to."""
-        array = self._shared
-        if array is None:
-            with self._lock:
-                array = self._shared
-        return array
+    def _forget_index(self) -> None:
+        self._shared = None
+        self._queries = 0
+
+    def _snapshot(self) -> tuple[Any, int]:
+        """
+        Return the array as it is, for a query, and whether it has an index.
+
+        What is there does not change while the array is referred to.
+        """
+        if shared := self._shared:
+            return shared
+        with self._lock:
+            if not self._shared:
+                if self._used_rows >= _FEWEST_INDEXED:
+                    self._queries += 1
+                    return self._build_index() if self._queries >= _QUERIES else (
+                        self._array, 0)
+                self._shared = self._array, 0
+            return self._shared
+
+    def _build_index(self) -> tuple[Any, int]:
+        self._queries = _QUERIES
+        self._shared = self._array, build_index(self._array)
+        return self._shared
+
+    def index(self) -> None:
+        """
+        Build an index now, with which queries by one body need not look at all rows.
+
+        Answers stay the same. A set of many rows that has not changed for some hundred queries
+        builds it by itself; a change drops it.
+
+        Examples
+        --------
+        >>> obstacles = PolygonSet([(k, 0)] for k in range(1000))
+        >>> obstacles.index()
+        >>> obstacles.intersecting_rows([(7, -1), (7, 1)])
+        array([7])
+
+        """
+        with self._lock:
+            if not (self._shared and self._shared[1]):
+                self._build_index()
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, PolygonSet):
             return NotImplemented
-        values = value_of(self._snapshot()), value_of(other._snapshot())
+        values = value_of(self._snapshot()[0]), value_of(other._snapshot()[0])
         return all(np.array_equal(one, another) for one, another in zip(*values))
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -262,14 +303,17 @@ class PolygonSet:
         None if the row had the same body already.
         """
         packed, count = body
+        if self._queries:
+            self._forget_index()
         while True:
+            other_array, indexed = others._shared or others._snapshot()
             if margin == 0.0:
                 outcome, found = write_and_intersect(self._array, row, packed, count,
-                                                     others._array)
+                                                     other_array, indexed)
             else:
                 outcome = write_row(self._array, row, packed, count)
                 if outcome == 0:
-                    found = near_rows(others._array, packed, count, margin, _NO_ROWS)[-1]
+                    found = near_rows(other_array, indexed, packed, count, margin, _NO_ROWS)[-1]
             if outcome == NO_ROOM:
                 self._make_room(row, size_of(body))
             elif outcome == UNCHANGED:
@@ -291,6 +335,8 @@ class PolygonSet:
 
     def _remove(self, row: int) -> None:
         """Remove the body of a row, if it has one, and free the row for another."""
+        if self._queries:
+            self._forget_index()
         self._rows.n[row] = 0
         self._free.append(row)
 
@@ -314,7 +360,7 @@ class PolygonSet:
 
     def _checked(self, row: int) -> int:
         """Return a row as an int; raise `IndexError` if it has no body."""
-        number = index(row)
+        number = operator.index(row)
         if not 0 <= number < self._used_rows:
             raise IndexError(f'no row {number} in a set of {self._used_rows} rows')
         if not self._rows.n[number]:
@@ -332,8 +378,8 @@ class PolygonSet:
 
         """
         packed, count = as_polygon(body).packed
-        array = self._shared
-        found = intersecting_rows(self._snapshot() if array is None else array, packed, count)
+        array, indexed = self._shared or self._snapshot()
+        found = intersecting_rows(array, indexed, packed, count)
         return _NO_ROWS if found is None else np.asarray(found)
 
     def rows_within(self, body: BodyLike, margin: float) -> NDArray[np.int64]:
@@ -356,7 +402,7 @@ class PolygonSet:
         """
         if not margin >= 0.0:
             raise ValueError(f'margin {margin}, but it has to be 0 or more')
-        return rows_within(self._snapshot(), as_polygon(body), float(margin))
+        return rows_within(*self._snapshot(), as_polygon(body), float(margin))
 
     def nearest(self, body: BodyLike, skipped: Iterable[int] = ()
                 ) -> tuple[int, float, Point, Point] | None:
@@ -383,7 +429,7 @@ class PolygonSet:
         """
         packed, count = as_polygon(body).packed
         row, separation, ax, ay, bx, by, _ = near_rows(
-            self._snapshot(), packed, count, NEAREST, _ascending(skipped))
+            *self._snapshot(), packed, count, NEAREST, _ascending(skipped))
         return None if row < 0 else (row, separation, (ax, ay), (bx, by))
 
     def first_contact(self, footprint: BodyLike, twist: ArrayLike, horizon: float,
@@ -422,22 +468,22 @@ class PolygonSet:
                    skipped: Iterable[int] = ()) -> tuple[int, float] | None:
         """Return the same for a `prediction.Motion`, leaving out the rows skipped."""
         polygon = as_polygon(footprint)
-        array = self._snapshot()
+        array, indexed = self._snapshot()
         ways = ways_of(velocities, int(array[1]), motion[5])
         skipped = set(skipped)
-        for row in rows_within(array, polygon, float(motion[-1])).tolist():
+        for row in rows_within(array, indexed, polygon, float(motion[-1])).tolist():
             if row not in skipped:
                 return row, 0.0
         packed, count = polygon.packed
-        row, time = first_row_met(array, packed, count, indexable(motion), indexable(ways),
-                                  _ascending(skipped))
+        row, time = first_row_met(array, indexed * (velocities is None), packed, count,
+                                  indexable(motion), indexable(ways), _ascending(skipped))
         return None if row < 0 else (row, time)
 
     def intersects(self, body: BodyLike) -> NDArray[np.bool_]:
         """Return for each row whether its body shares a point with a body: (m,) bool."""
-        array = self._snapshot()
+        array, indexed = self._snapshot()
         answers = np.zeros(int(array[1]), np.bool_)
-        answers[rows_within(array, as_polygon(body), 0.0)] = True
+        answers[rows_within(array, indexed, as_polygon(body), 0.0)] = True
         return answers
 
     def intersects_pairs(self, other: PolygonSet) -> NDArray[np.bool_]:
@@ -474,7 +520,7 @@ class PolygonSet:
         if not isinstance(other, PolygonSet):
             raise TypeError(f'a {type(other).__name__}, but rows are paired with those of a '
                             'PolygonSet: make one of the bodies')
-        array, other_array = self._snapshot(), other._snapshot()
+        array, other_array = self._snapshot()[0], other._snapshot()[0]
         if array[1] != other_array[1]:
             raise ValueError(f'{int(array[1])} bodies cannot be paired with {int(other_array[1])}')
         return array, other_array, int(array[1])
@@ -503,69 +549,12 @@ class PolygonSet:
         self._rows.packed[:self._used_doubles] = slices_of(old.packed, old.start[rows], sizes)
 
 
-class PackedSet(PolygonSet):
-    """
-    A PolygonSet for one thread that keeps track of rows itself: rows are not checked.
-
-    A wrong row overwrites memory. Rows may be empty, and bodies are given packed.
-    """
-
-    new_row = PolygonSet._new_row
-    place = PolygonSet._place
-    remove = PolygonSet._remove
-    polygon = PolygonSet._polygon
-    first_met = PolygonSet._first_met
-
-    def place_run(self, run: Run, rows: Any, first: int, limit: int, others: PackedSet,
-                  margin: float) -> int:
-        """Replace the bodies of rows by polygons of a run, see `write_run`; return how many."""
-        count: int = write_run(run, self._array, rows, first, limit, others._array, margin)
-        return count
-
-    def check_run(self, run: Run, limit: int) -> int:
-        """Return how many messages of a run `write_run` would accept; nothing is written."""
-        count: int = write_run(run, _NO_ARRAY, _NO_ROWS, 0, limit, self._array, 0.0)
-        return count
-
-    def nearest_rows(self, boxes: Iterable[tuple[float, float, float, float]],
-                     limit: int) -> list[int]:
-        """Return up to `limit` rows with a body: those whose bounds are nearest to any box."""
-        rows = np.flatnonzero(self._rows.n[:self._used_rows])
-        min_x, min_y, max_x, max_y = (column[rows] for column in self._rows[:4])
-        distances = np.full(len(rows), np.inf)
-        for low_x, low_y, high_x, high_y in boxes:
-            x = np.maximum(min_x - high_x, low_x - max_x).clip(0.0)
-            y = np.maximum(min_y - high_y, low_y - max_y).clip(0.0)
-            distances = np.minimum(distances, np.hypot(x, y))
-        nearest: list[int] = rows[np.argsort(distances, kind='stable')[:limit]].tolist()
-        return nearest
-
-    def hide(self, rows: Sequence[int]) -> None:
-        """Empty rows; each stays in use until it is filled again or removed."""
-        self._rows.n[rows] = 0
-
-
 def _body_of_row(row: int, body: BodyLike, limit: int = MAX_VERTICES) -> Polygon:
     """Return a body as a Polygon; an error begins with the row."""
     try:
         return body if isinstance(body, Polygon) else Polygon(body, limit)
     except PolygonError as error:
         raise PolygonError(error.reason, f'body {row}: {error}') from error
-
-
-def _ends(offsets: Any, count: int) -> NDArray[np.int64]:
-    """Return where the points of each body begin and the last ones end, see `from_array`."""
-    ends = np.arange(count + 1)
-    levels: tuple[Any, ...] = offsets if isinstance(offsets, tuple) else (offsets,)
-    for level in map(np.asarray, levels):
-        if (len(levels) > 2 or level.ndim != 1 or level.dtype.kind not in 'iu' or not len(level)
-                or level[0] < 0 or level[-1] >= len(ends) or (level[1:] < level[:-1]).any()):
-            raise ValueError(f'offsets {offsets!r}, but they have to be ascending indices of '
-                             'points, or as shapely has them for polygons, lines or points')
-        ends = ends[level]
-    if len(levels) == 2 and (holes := np.flatnonzero(np.diff(levels[1]) > 1)).size:
-        raise PolygonError(Reason.WRONG_SHAPE, f'body {holes[0]}: a polygon with holes')
-    return ends
 
 
 def _restored(kind: type[PolygonSet], free: list[int], used: int, rows: NDArray[np.int64],
@@ -577,11 +566,11 @@ def _restored(kind: type[PolygonSet], free: list[int], used: int, rows: NDArray[
     return bodies
 
 
-def rows_within(array: Any, body: Polygon, margin: float) -> NDArray[np.int64]:
+def rows_within(array: Any, indexed: int, body: Polygon, margin: float) -> NDArray[np.int64]:
     """Return the rows of a set that are no further than a margin from a body."""
     packed, count = body.packed
-    found = (intersecting_rows(array, packed, count) if margin == 0.0
-             else near_rows(array, packed, count, margin, _NO_ROWS)[-1])
+    found = (intersecting_rows(array, indexed, packed, count) if margin == 0.0
+             else near_rows(array, indexed, packed, count, margin, _NO_ROWS)[-1])
     return _NO_ROWS if found is None else np.asarray(found)
 
 

@@ -25,18 +25,20 @@ distance from a line along the path.
 
 from __future__ import annotations
 
+from functools import lru_cache
 import math
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from sat_collision.geometry.box_index import bounds_of_index, contains, rows_indexed
 from sat_collision.geometry.floating_point import require_nearest
-from sat_collision.geometry.jit import elements, inlined, inner, kernel, scratch, scratch_integers
+from sat_collision.geometry.jit import (
+    beyond, elements, inlined, inner, kernel, scratch, scratch_integers)
 from sat_collision.geometry.layout import body_of, packed_polygon, rows_of
 from sat_collision.geometry.moving import MovingBody, parts_about
 from sat_collision.geometry.plane import bounds_of, length, unit
 from sat_collision.geometry.predicates import UNDERFLOW_BOUND
-from sat_collision.geometry.scan import contains
 from sat_collision.geometry.sweep import as_double, first_contact_of_moving, limits
 
 # Max angle by which a body turns in a piece, rad, unless that takes too many pieces.
@@ -119,7 +121,7 @@ def ways_of(velocities: ArrayLike | None, rows: int, horizon: float) -> NDArray[
     Raise `ValueError` if they are not valid.
     """
     if velocities is None:
-        return np.zeros(2 * rows)
+        return _at_rest(rows)
     try:
         array = np.asarray(velocities, np.float64)
     except OverflowError as error:
@@ -140,6 +142,12 @@ def ways_of(velocities: ArrayLike | None, rows: int, horizon: float) -> NDArray[
     return ways
 
 
+@lru_cache(1)
+def _at_rest(rows: int) -> NDArray[np.float64]:
+    """Return the ways of rows at rest; many zeros take longer to write than to leave unread."""
+    return np.zeros(2 * rows)
+
+
 def _finite(values: ArrayLike, name: str, meaning: str) -> NDArray[np.float64]:
     try:
         array = np.asarray(values, np.float64)
@@ -151,24 +159,28 @@ def _finite(values: ArrayLike, name: str, meaning: str) -> NDArray[np.float64]:
 
 
 @kernel
-def first_row_met(set_array, body, count, motion, ways, skipped):
+def first_row_met(set_array, indexed, body, count, motion, ways, skipped):
     """
     Find which row of a set a moving body meets first, of those that it does not meet at time 0.
 
     The body is packed, the motion is a `Motion` as an array, ways are x, y of each row up to the
-    horizon, and the rows in `skipped`, ascending, are left out. Return the row, the first one in a
-    tie, and the time in seconds, above 0; -1 and infinity if it meets none. Raise `ValueError` for
-    what is beyond the largest double.
+    horizon, and the rows in `skipped`, ascending, are left out. The index may be used if all rows
+    are at rest. Return the row, the first one in a tie, and the time in seconds, above 0; -1 and
+    infinity if it meets none. Raise `ValueError` for what is beyond the largest double.
     """
     require_nearest(count)
     rows = rows_of(set_array)
     motion = Motion(motion[0], motion[1], motion[2], motion[3], motion[4], motion[5], motion[6],
                     motion[7])
     path = path_of(parts_about(packed_polygon(body, count), motion.x, motion.y, 1.0), motion)
-    # The box after those of the pieces is that of the whole path.
-    candidates = scratch_integers(rows.used)
+    listed = -1
+    if indexed:
+        candidates, listed = _rows_near_path(path, rows)
+    if listed < 0:
+        candidates = scratch_integers(rows.used)
     near = 0
-    for row in range(rows.used):
+    for k in range(rows.used if listed < 0 else listed):
+        row = k if listed < 0 else candidates[k]
         if (rows.n[row] != 0 and _may_meet(path, path.pieces, rows, row, ways)
                 and not contains(skipped, row)):
             candidates[near] = row
@@ -177,18 +189,30 @@ def first_row_met(set_array, body, count, motion, ways, skipped):
 
 
 @inner
+def _rows_near_path(path, rows):
+    """Return `rows_indexed` of the rows that `_may_meet` the path, and maybe others."""
+    motion = path.motion
+    reach = _extent(path, *bounds_of_index(rows)) + motion.margin
+    limit = motion.margin + (_ROUNDING * (path.reach + reach) + UNDERFLOW_BOUND)
+    # The box after those of the pieces is that of the whole path.
+    box = beyond(elements(path.boxes), 4 * path.pieces)
+    return rows_indexed(rows, box, motion.x, motion.y, limit)
+
+
+@inner
 def first_met(path, rows, ways, candidates, count):
     """Do what `first_row_met` does, among so many rows near the path, which are overwritten."""
     near = 0
-    beyond = False
+    overflows = False
     for k in range(count):
         row = candidates[k]
         # Sums of a few such lengths must not overflow; if they do, boxes are never apart.
-        beyond = beyond or not 8.0 * (path.reach + _reach(path, rows, row, ways)) < math.inf
+        reach = path.reach + _reach(path, rows, row, ways)
+        overflows = overflows or not 8.0 * reach < math.inf
         if not _is_beside(path, rows, row, ways):
             candidates[near] = row
             near += 1
-    if beyond:
+    if overflows:
         raise ValueError(BEYOND)
     first = -1
     share = math.inf
@@ -373,9 +397,16 @@ def _rounding(path, rows, row, ways):
 @inlined
 def _reach(path, rows, row, ways):
     """Return what coordinates of a row's body, its way and the margin come to at most."""
-    x = max(abs(rows.min_x[row] - path.motion.x), abs(rows.max_x[row] - path.motion.x))
-    y = max(abs(rows.min_y[row] - path.motion.y), abs(rows.max_y[row] - path.motion.y))
-    return max(x, y) + (abs(ways[2 * row]) + abs(ways[2 * row + 1])) + path.motion.margin
+    extent = _extent(path, rows.min_x[row], rows.min_y[row], rows.max_x[row], rows.max_y[row])
+    return extent + (abs(ways[2 * row]) + abs(ways[2 * row + 1])) + path.motion.margin
+
+
+@inlined
+def _extent(path, min_x, min_y, max_x, max_y):
+    """Return the greatest distance of bounds from the origin of a path, along x or y."""
+    x = max(abs(min_x - path.motion.x), abs(max_x - path.motion.x))
+    y = max(abs(min_y - path.motion.y), abs(max_y - path.motion.y))
+    return max(x, y)
 
 
 @inner

@@ -38,10 +38,11 @@ from sat_collision.geometry.contact import contact, contact_of_arrays
 from sat_collision.geometry.convex_parts import convex_parts
 from sat_collision.geometry.jit import COMPILED, indexable, KERNEL
 from sat_collision.geometry.layout import packed_size
+from sat_collision.geometry.packed_set import PackedSet
 from sat_collision.geometry.packing import pack_convex, TRIPLE
 from sat_collision.geometry.path import first_contact_along, first_row_met_on
 from sat_collision.geometry.polygon import Polygon, UNMOVED
-from sat_collision.geometry.polygon_set import PackedSet, PolygonSet
+from sat_collision.geometry.polygon_set import PolygonSet
 from sat_collision.geometry.query import (
     closest_points, intersects, intersects_pairs, separations)
 from sat_collision.geometry.sweep import time_of_contact

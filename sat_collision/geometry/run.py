@@ -15,13 +15,14 @@ They are in messages that differ only in their points, or in one message that ha
 
 from typing import Any, TypeAlias
 
+from sat_collision.geometry.box_index import box_gap
 from sat_collision.geometry.floating_point import require_nearest
 from sat_collision.geometry.jit import (
     inner, kernel, scratch, words_and_doubles, words_and_floats)
-from sat_collision.geometry.layout import rows_of
+from sat_collision.geometry.layout import bounds_in, packed_polygon, rows_of
 from sat_collision.geometry.packing import (
     clean, CONVEX, DOUBLE, move, PAIR, TRIPLE, WORD, write_packed)
-from sat_collision.geometry.scan import box_gap, NO_ROOM, write_row
+from sat_collision.geometry.scan import NO_ROOM, write_row
 
 # Messages that differ only in their points: their bytes, joined; the end of each but the last, an
 # array of int64; the number of the first message to write; the offset in a message of the number
@@ -112,7 +113,7 @@ def write_run(run, set_array, rows, row, limit, others, margin):
             continue
         verdict, vertices, _, _, _ = write_packed(points, received, ring, walk, packed,
                                                   max_vertices, 0)
-        if verdict != CONVEX or _is_near(near, packed, margin) or (
+        if verdict != CONVEX or _is_near(near, packed_polygon(packed, vertices), margin) or (
                 write_row(set_array, rows[row + k], packed, vertices) == NO_ROOM):
             return k
     return count
@@ -158,7 +159,8 @@ def find_polygons(data, at, spans):
 @inner
 def _is_near(rows, body, margin):
     """Return whether the bounds of a body are within a margin of those of any row."""
+    box = bounds_in(body)
     for row in range(rows.used):
-        if rows.n[row] != 0 and box_gap(rows, row, body) <= margin:
+        if rows.n[row] != 0 and box_gap(rows, row, box) <= margin:
             return True
     return False

@@ -21,15 +21,15 @@ vertices that one pair reads next are fetched while the others are computed.
 import math
 from typing import Any, NamedTuple
 
-import numpy as np
+from sat_collision.geometry.box_index import box_gap, contains, nearest_box, rows_near
 from sat_collision.geometry.distance import measure
 from sat_collision.geometry.floating_point import require_nearest
 from sat_collision.geometry.intersection import bodies_meet, filtered_verdict, meet_near
 from sat_collision.geometry.jit import (
-    COMPILED, elements, inlined, inner, kernel, prefetch, scratch, scratch_integers)
+    elements, inlined, inner, kernel, prefetch, scratch, scratch_integers)
 from sat_collision.geometry.layout import (
-    body_of, body_size, HEADER, near_support, Packed, packed_polygon, Rows, rows_of, SCAN_LIMIT,
-    table_place, table_sector)
+    body_of, body_size, bounds_in, HEADER, near_support, Packed, packed_polygon, Rows, rows_of,
+    SCAN_LIMIT, table_place, table_sector)
 from sat_collision.geometry.separating_axis import (
     boxes_apart, find_separating_axis, first_axis, hill_climb, MAX_QUERIES, MEET, OPEN, refine,
     Search, SEPARATE, UNCERTAIN)
@@ -90,23 +90,23 @@ def write_row(set_array, row, body, count):
 
 
 @kernel
-def write_and_intersect(set_array, row, body, count, others):
+def write_and_intersect(set_array, row, body, count, others, indexed):
     """Write a body as `write_row` does; if that returns 0, add its `intersecting_rows`."""
     outcome = write_row(set_array, row, body, count)
     if outcome != 0:
         return outcome, None
-    return outcome, intersecting_rows(others, body, count)
+    return outcome, intersecting_rows(others, indexed, body, count)
 
 
 @kernel
-def intersecting_rows(set_array, body, count):
+def intersecting_rows(set_array, indexed, body, count):
     """Return the rows that share a point with a body, ascending; None if there is none."""
     require_nearest(count)
     rows = rows_of(set_array)
     body = packed_polygon(body, count)
-    found = scratch_integers(rows.used)
+    found, near = rows_near(rows, indexed, bounds_in(body), 0.0)
     hits = 0
-    for k in range(_near_rows(rows, body.array, found)):
+    for k in range(near):
         row = found[k]
         verdict = filtered_verdict(body_of(rows, row), body)
         if verdict == MEET or (verdict == UNCERTAIN and bodies_meet(body_of(rows, row), body)):
@@ -126,34 +126,8 @@ def _first(numbers, count):
     return first
 
 
-if COMPILED:
-    @inner
-    def _near_rows(rows, body, found):
-        """Write the rows whose bounds overlap a body's into found, ascending; return how many."""
-        found = elements(found)
-        min_x = body[2]
-        min_y = body[3]
-        max_x = body[4]
-        max_y = body[5]
-        near = 0
-        for row in range(rows.used):
-            # Without a branch, which would be mispredicted: rows not near are overwritten.
-            found[near] = row
-            near += ((rows.min_x[row] <= max_x) & (rows.max_x[row] >= min_x)
-                     & (rows.min_y[row] <= max_y) & (rows.max_y[row] >= min_y))
-        return near
-else:
-    def _near_rows(rows, body, found):
-        """Write the rows whose bounds overlap a body's into found, ascending; return how many."""
-        min_x, min_y, max_x, max_y = (np.asarray(column)[:rows.used] for column in rows[:4])
-        near = np.flatnonzero((min_x <= body[4]) & (max_x >= body[2])
-                              & (min_y <= body[5]) & (max_y >= body[3]))
-        np.asarray(found)[:len(near)] = near
-        return len(near)
-
-
 @kernel
-def near_rows(set_array, body, count, margin, skipped):
+def near_rows(set_array, indexed, body, count, margin, skipped):
     """
     Return the rows no further than a margin from a body, ascending, as the last of seven values.
 
@@ -165,65 +139,37 @@ def near_rows(set_array, body, count, margin, skipped):
     require_nearest(count)
     rows = rows_of(set_array)
     body = packed_polygon(body, count)
+    box = bounds_in(body)
+    nearest = -1
+    least = margin
+    points = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     if margin == NEAREST:
-        row, least, ax, ay, bx, by = _nearest_row(rows, body, skipped)
-        return row, least, ax, ay, bx, by, None
-    found = scratch_integers(rows.used)
+        # The body with the nearest box goes first, so that most others need not be measured.
+        nearest = nearest_box(rows, indexed, box, skipped)
+        if nearest < 0:
+            return nearest, 0.0, 0.0, 0.0, 0.0, 0.0, None
+        least, points = measure(body_of(rows, nearest), body)
+    first = nearest
+    found, near = rows_near(rows, indexed, box, least)
     hits = 0
-    for row in range(rows.used):
-        if (rows.n[row] != 0 and box_gap(rows, row, body.array) <= margin
-                and measure(body_of(rows, row), body)[0] <= margin):
-            found[hits] = row
-            hits += 1
-    return -1, 0.0, 0.0, 0.0, 0.0, 0.0, _first(found, hits)
-
-
-@inner
-def _nearest_row(rows, body, skipped):
-    # The body with the nearest box goes first, so that most others need not be measured.
-    first = -1
-    gap = math.inf
-    for row in range(rows.used):
-        # The gap may be infinite, hence the test of `first`.
-        if (rows.n[row] != 0 and (first < 0 or box_gap(rows, row, body.array) < gap)
-                and not contains(skipped, row)):
-            gap = box_gap(rows, row, body.array)
-            first = row
-    if first < 0:
-        return -1, 0.0, 0.0, 0.0, 0.0, 0.0
-    nearest = first
-    least, points = measure(body_of(rows, first), body)
-    for row in range(rows.used):
-        if (row != first and rows.n[row] != 0
-                and box_gap(rows, row, body.array) < least
-                and not contains(skipped, row)):
-            value, found = measure(body_of(rows, row), body)
+    for k in range(near):
+        row = found[k]
+        if rows.n[row] == 0:
+            continue
+        if margin != NEAREST:
+            if measure(body_of(rows, row), body)[0] <= margin:
+                found[hits] = row
+                hits += 1
+        elif row != first and box_gap(rows, row, box) < least and not contains(skipped, row):
+            value, others = measure(body_of(rows, row), body)
             if value < least:
                 nearest = row
                 least = value
-                points = found
+                points = others
+    if margin != NEAREST:
+        return -1, 0.0, 0.0, 0.0, 0.0, 0.0, _first(found, hits)
     ax, ay, bx, by, _, _ = points
-    return nearest, least, ax, ay, bx, by
-
-
-@inlined
-def contains(numbers, number):
-    """Return whether a number is in an ascending array, by bisection."""
-    begin, end = 0, len(numbers)
-    while begin < end:
-        middle = (begin + end) // 2
-        if numbers[middle] < number:
-            begin = middle + 1
-        else:
-            end = middle
-    return begin < len(numbers) and numbers[begin] == number
-
-
-@inlined
-def box_gap(rows, row, body):
-    """Return the gap of bounds along x or y, < 0 if none: a lower bound of the separation."""
-    return max(max(rows.min_x[row] - body[4], body[2] - rows.max_x[row]),
-               max(rows.min_y[row] - body[5], body[3] - rows.max_y[row]))
+    return nearest, least, ax, ay, bx, by, None
 
 
 @kernel

@@ -15,8 +15,9 @@ from collections.abc import Iterable, Mapping
 from typing import Any, Generic, TypeAlias, TypeVar
 
 import numpy as np
+from sat_collision.geometry.packed_set import PackedSet
 from sat_collision.geometry.polygon import PackedBody, Polygon
-from sat_collision.geometry.polygon_set import PackedSet, Point
+from sat_collision.geometry.polygon_set import Point
 from sat_collision.geometry.prediction import motion_of
 from sat_collision.geometry.run import Run
 from sat_collision.scene.footprints import Footprint

@@ -65,11 +65,11 @@ def _moved(points, vx, vy, omega, time):
 def _set_of(body):
     """Return a set with a packed body in its only row, see `layout`."""
     size = len(body.array)
-    array = np.zeros(9 + size)
+    array = np.zeros(10 + size)
     array[:2] = 1.0
-    array[2:6] = body.array[2:6]
-    array.view(np.int64)[7] = body.n
-    array[9:] = body.array
+    array[3:7] = body.array[2:6]
+    array.view(np.int64)[8] = body.n
+    array[10:] = body.array
     return array
 
 
@@ -102,7 +102,7 @@ def score(which, x, n):
         return -1.0, False
     tolerance = max(TOLERANCE * radius, _LEAST)
     motion = np.array([0.0, 0.0, wx, wy, turn, horizon, tolerance, 0.0])
-    row, time = first_row_met(_set_of(b), a.array, a.n, motion, np.array([ox, oy]),
+    row, time = first_row_met(_set_of(b), 0, a.array, a.n, motion, np.array([ox, oy]),
                               np.empty(0, np.int64))
     margin = 2.0 ** -44 * reach + 2.0 ** -1060
     # Nearer ones may be in contact at once.

@@ -24,7 +24,7 @@ from sat_collision import (
     separation, time_of_contact)
 from sat_collision.geometry import floating_point
 from sat_collision.geometry.jit import COMPILED
-from sat_collision.geometry.polygon_set import PackedSet
+from sat_collision.geometry.packed_set import PackedSet
 from sat_collision.geometry.predicates import orient
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -22,8 +22,8 @@ from sat_collision.geometry import layout
 from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.layout import (
     BOUNDS, FINGERPRINT, HEADER, Packed, packed_size)
+from sat_collision.geometry.packed_set import PackedSet
 from sat_collision.geometry.packing import moved_points, pack_convex, PAIR, TRIPLE
-from sat_collision.geometry.polygon_set import PackedSet
 import shapes
 
 CONVEX = {**families.CONVEX, **families.EXTREME}

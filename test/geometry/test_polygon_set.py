@@ -17,7 +17,7 @@ import pytest
 from sat_collision import (
     intersects, intersects_many, intersects_pairs, Polygon, PolygonError, PolygonSet, separation)
 from sat_collision.geometry.jit import COMPILED
-from sat_collision.geometry.polygon_set import PackedSet
+from sat_collision.geometry.packed_set import PackedSet
 import shapely
 
 

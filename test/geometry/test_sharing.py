@@ -73,7 +73,7 @@ def test_queries_of_one_set_from_several_threads(query, frequent_switches):
 def test_changes_during_a_query(change):
     """The query reads on what was there before; without one nothing is copied."""
     bodies = PolygonSet([SQUARE, [(1, 1)]])
-    array = bodies._snapshot()
+    array, _ = bodies._snapshot()
     before = np.array(array)
     change(bodies)
     np.testing.assert_array_equal(np.asarray(array), before)

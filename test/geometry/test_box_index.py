@@ -1,0 +1,259 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+"""A set with an index answers as one that scans its rows."""
+
+from concurrent.futures import ThreadPoolExecutor
+import copy
+import os
+import pickle
+import subprocess
+import sys
+import threading
+
+from bodies import random_body
+import numpy as np
+import pytest
+from sat_collision import first_contact_along, Polygon, PolygonError, PolygonSet
+from sat_collision.geometry import box_index, polygon_set
+from sat_collision.geometry.jit import COMPILED
+from sat_collision.geometry.layout import FANOUT
+from sat_collision.geometry.packed_set import PackedSet
+
+SQUARE = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
+SIZES = [1, 2, FANOUT - 1, FANOUT, FANOUT + 1, 5 * FANOUT, FANOUT**2, FANOUT**2 + 1, 700]
+
+
+def scattered(rng, count):
+    side = 2.0 * count**0.5
+    return rng.uniform(-side, side, (count, 1, 2)) + rng.uniform(0.1, 2.0, (count, 1, 1)) * SQUARE
+
+
+def clustered(rng, count):
+    centres = rng.uniform(-100, 100, (5, 2))[rng.integers(0, 5, count)]
+    return (centres + rng.normal(0, 1.5, (count, 2)))[:, None] + SQUARE
+
+
+def equal(rng, count):
+    return np.tile(SQUARE, (count, 1, 1))
+
+
+def in_a_grid(rng, count):
+    """Return squares with common edges and corners, in any order."""
+    width = int(count**0.5) + 1
+    places = rng.permutation(count)
+    return np.stack([places // width, places % width], 1)[:, None] + SQUARE
+
+
+def points(rng, count):
+    return rng.integers(-20, 20, (count, 1, 2)).astype(float)
+
+
+def long_walls(rng, count):
+    return rng.uniform(-50, 50, (count, 2, 2))
+
+
+def tiny(rng, count):
+    return 1e-310 * scattered(rng, count)
+
+
+def huge(rng, count):
+    return 5e305 * scattered(rng, count)
+
+
+def of_all_sizes(rng, count):
+    return scattered(rng, count) * 2.0 ** rng.integers(-900, 900, (count, 1, 1))
+
+
+KINDS = [scattered, clustered, equal, in_a_grid, points, long_walls, tiny, huge, of_all_sizes]
+
+
+def pair_of_sets(bodies, removed=()):
+    """Return a set that scans, and the same with an index."""
+    sets = PolygonSet.from_array(bodies), PolygonSet.from_array(bodies)
+    for one in sets:
+        for row in removed:
+            one.remove(row)
+    sets[1].index()
+    assert sets[1]._snapshot()[1] == (len(bodies) > len(removed))
+    return sets
+
+
+def answers(bodies, body, extent):
+    """Return all that can be asked about a body, in a set of some extent."""
+    bodies._queries = 0  # so that a set that scans goes on scanning
+    found = [bodies.intersecting_rows(body), bodies.intersects(body), bodies.nearest(body),
+             bodies.nearest(body, range(0, len(bodies), 2))]
+    for share in (0.0, 1e-3, 0.02, 0.3, 3.0):
+        found.append(bodies.rows_within(body, min(share * extent, sys.float_info.max)))
+    found.append(bodies.rows_within(body, np.inf))
+    for twist, margin in (((1.0, 0.5, 0.0), 0.0), ((1.0, 0.0, 2.0), 0.01), ((0, 0, 0), 0.0)):
+        speed = 0.05 * extent
+        pose = (*body.vertices[0], 1.0)
+        try:
+            found.append(bodies.first_contact(
+                body, (speed * twist[0], speed * twist[1], twist[2]), 1.0, pose=pose,
+                tolerance=max(1e-3 * extent, 1e-300), margin=margin * extent))
+            found.append(first_contact_along(
+                body, [(0, 0, 0), (speed, speed, 0), (speed, 0, 1)], bodies, margin * extent))
+        except ValueError as error:
+            found.append(str(error))
+    return [one.tolist() if isinstance(one, np.ndarray) else one for one in found]
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_index_and_scan_agree(kind):
+    """Same rows, same order, same values, with rows that were removed and without."""
+    rng = np.random.default_rng(1)
+    seen = set()
+    for size in SIZES if COMPILED else SIZES[1:-2:2]:
+        array = kind(rng, size)
+        removed = rng.permutation(size)[:size // 3] if size % 2 else ()
+        scanning, indexed = pair_of_sets(array, removed)
+        extent = float(np.ptp(array.reshape(-1, 2) / 4.0, axis=0).max()) or 1.0
+        for k in range(12 if COMPILED else 3):
+            place = array[rng.integers(size)].mean(axis=0)
+            scale = extent * 10.0 ** rng.uniform(-3, 0)
+            shift = rng.normal(0, scale, 2) if k % 3 else 0.0
+            body = Polygon(place + shift + scale * SQUARE if k % 4 else [place])
+            found = answers(scanning, body, extent)
+            assert answers(indexed, body, extent) == found
+            seen.update(map(str, found))
+    assert len(seen) > 15
+
+
+def test_nonconvex_bodies():
+    rng = np.random.default_rng(2)
+    bodies = [random_body(rng) for _ in range(200)]
+    scanning, indexed = PolygonSet(bodies), PolygonSet(bodies)
+    indexed.index()
+    for _ in range(40 if COMPILED else 5):
+        body = random_body(rng)
+        assert answers(indexed, body, 5.0) == answers(scanning, body, 5.0)
+
+
+def test_more_near_rows_than_an_index_is_good_for():
+    scanning, indexed = pair_of_sets(scattered(np.random.default_rng(3), 3000))
+    for size in (5.0, 20.0, 40.0, 1000.0):
+        assert answers(indexed, Polygon(size * SQUARE), 9.0) == answers(
+            scanning, Polygon(size * SQUARE), 9.0)
+
+
+def test_obstacles_that_move_are_not_left_out():
+    """The index is of where the bodies are at first."""
+    scanning, indexed = pair_of_sets(50.0 * np.arange(1, 101)[:, None, None] + SQUARE)
+    velocities = np.zeros((100, 2))
+    velocities[99] = -1000.0
+    for bodies in (scanning, indexed):
+        row, time = bodies.first_contact(Polygon(SQUARE), (1, 1, 0), 6.0, velocities)
+        assert row == 99 and 4.9 < time < 5.0
+
+
+def test_sets_without_a_body_have_no_index():
+    for bodies in (PolygonSet(), PolygonSet([SQUARE])):
+        if len(bodies):
+            bodies.remove(0)
+        bodies.index()
+        assert bodies._snapshot()[1] == 0
+        assert bodies.intersecting_rows(SQUARE).size == 0 and bodies.nearest(SQUARE) is None
+
+
+@pytest.mark.parametrize('change', [
+    lambda bodies: bodies.append(SQUARE + 90), lambda bodies: bodies.remove(5),
+    lambda bodies: bodies.replace(7, SQUARE + 90)])
+def test_changes_drop_the_index(change):
+    bodies = PolygonSet.from_array(np.arange(30)[:, None, None] + SQUARE)
+    expected = copy.deepcopy(bodies)
+    for one in (bodies, expected):
+        if one is bodies:
+            one.index()
+        change(one)
+    assert bodies._snapshot()[1] == 0 and bodies == expected
+    for place in (5, 7, 90):
+        assert bodies.intersecting_rows([(place, place)]).tolist() == (
+            expected.intersecting_rows([(place, place)]).tolist())
+    bodies.index()
+    assert 90 not in (bodies.nearest([(90, 90)]), expected.nearest([(90, 90)]))
+    assert bodies.nearest([(90, 90)]) == expected.nearest([(90, 90)])
+
+
+def test_refused_bodies_leave_the_index():
+    bodies = PolygonSet.from_array(np.arange(30)[:, None, None] + SQUARE)
+    bodies.index()
+    with pytest.raises(PolygonError, match='not finite'):
+        bodies.append([(0, np.nan)])
+    assert bodies.intersecting_rows([(3, 3)]).tolist() == [3]
+
+
+@pytest.mark.parametrize('change', [
+    lambda bodies: bodies.hide([3]), lambda bodies: bodies.remove(3),
+    lambda bodies: bodies.place(3, Polygon(SQUARE - 50).packed, PolygonSet())])
+def test_sets_of_one_thread_drop_the_index(change):
+    bodies = PackedSet(np.arange(30)[:, None, None] + SQUARE)
+    bodies.index()
+    change(bodies)
+    assert bodies._snapshot()[1] == 0
+    assert bodies.nearest([(3, 3)])[0] != 3
+    assert 3 not in bodies.intersecting_rows([(3, 3)])
+
+
+@pytest.mark.skipif(not COMPILED, reason='plain Python builds it only when told to')
+def test_unchanged_sets_get_an_index(monkeypatch):
+    """After so many queries that it pays; a change puts that off, and small sets get none."""
+    built = []
+
+    def build(array):
+        built.append(array)
+        return box_index.build_index(array)
+    monkeypatch.setattr(polygon_set, 'build_index', build)
+    bodies = PolygonSet.from_array(scattered(np.random.default_rng(4), 1000))
+    small = PolygonSet([SQUARE])
+    expected = bodies.intersecting_rows(SQUARE).tolist()
+    for _ in range(3):
+        bodies.replace(0, bodies.polygon(0))
+        for _ in range(polygon_set._QUERIES - 1):
+            bodies.intersecting_rows(SQUARE)
+            small.intersecting_rows(SQUARE)
+    assert not built
+    for _ in range(polygon_set._QUERIES):
+        assert bodies.intersecting_rows(SQUARE).tolist() == expected
+    assert len(built) == 1 and bodies._snapshot()[1] == 1
+    # A copy has its own.
+    again = pickle.loads(pickle.dumps(bodies))
+    assert again == bodies and again._snapshot()[1] == 0
+
+
+def test_an_index_built_while_others_ask_and_change():
+    """A row that stays is always found, one that is elsewhere never."""
+    count = 600
+    bodies = PolygonSet.from_array(np.arange(count)[:, None, None] + SQUARE)
+    ended = threading.Event()
+
+    def ask(k):
+        wrong = 0
+        while not ended.is_set():
+            wrong += bodies.intersecting_rows([(k, k)]).tolist() != [k]
+            wrong += bodies.nearest([(k, k)])[0] != k
+        return wrong
+    with ThreadPoolExecutor(3) as pool:
+        asked = [pool.submit(ask, k) for k in (0, 300, 599)]
+        try:
+            for k in range(400 if COMPILED else 20):
+                bodies.replace(100, SQUARE + (k, -50.0))
+                bodies.index()
+        finally:
+            ended.set()
+        assert [one.result() for one in asked] == [0, 0, 0]
+
+
+@pytest.mark.skipif(not COMPILED, reason='this is plain Python')
+def test_the_same_in_plain_python():
+    result = subprocess.run(
+        [sys.executable, '-m', 'pytest', '-q', '-p', 'no:cacheprovider', __file__],
+        capture_output=True, text=True, env={**os.environ, 'NUMBA_DISABLE_JIT': '1'})
+    assert result.returncode == 0, result.stdout

@@ -144,6 +144,24 @@ def test_more_near_rows_than_an_index_is_good_for():
             scanning, Polygon(size * SQUARE), 9.0)
 
 
+@pytest.mark.parametrize('margin', [0.0, 0.4])
+def test_motion_far_from_the_origin(margin):
+    """Most bodies meet an obstacle on their way, half of them driving along x."""
+    rng = np.random.default_rng(5)
+    away = np.array((1000.0, -2000.0))
+    scanning, indexed = pair_of_sets(scattered(rng, 300) + away)
+    count = 60 if COMPILED else 16
+    met = 0
+    for k in range(count):
+        pose = (*(away + rng.uniform(-25, 25, 2)), 0.0)
+        body = Polygon(0.1 * SQUARE + pose[:2])
+        twist = (6.0, 0.0, 0.0) if k % 2 else rng.normal(0, 5, 3)
+        found = scanning.first_contact(body, twist, 2.0, pose=pose, margin=margin)
+        assert indexed.first_contact(body, twist, 2.0, pose=pose, margin=margin) == found
+        met += found is not None and found[1] > 0.0
+    assert met > count / 4
+
+
 def test_obstacles_that_move_are_not_left_out():
     """The index is of where the bodies are at first."""
     scanning, indexed = pair_of_sets(50.0 * np.arange(1, 101)[:, None, None] + SQUARE)

@@ -10,8 +10,11 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+import hashlib
 import logging
 import os
+from pathlib import Path
 
 _SWITCH = 'NUMBA_DISABLE_JIT'
 
@@ -31,6 +34,15 @@ def is_plain_python_chosen() -> bool:
 def use_plain_python() -> None:
     """Compile nothing, here and in child processes; call it before any kernel is imported."""
     os.environ[_SWITCH] = '1'
+
+
+@lru_cache
+def digest_of(folder: Path) -> str:
+    """Return a digest of all sources in a folder, whose kernels may call each other."""
+    digest = hashlib.sha256()
+    for path in sorted(folder.glob('*.py')):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
 
 
 def say_compiling(name: str, kept_in: str) -> None:

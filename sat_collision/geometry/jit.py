@@ -17,12 +17,19 @@ the same order, so the answers are identical. ``NUMBA_DISABLE_JIT=1`` selects pl
 
 from __future__ import annotations
 
+from contextlib import suppress
+from pathlib import Path
 import platform
 from typing import Any, Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from sat_collision.geometry.compilation import is_plain_python_chosen, report_problem
+from sat_collision.geometry.compilation import (
+    digest_of, is_plain_python_chosen, report_problem)
+
+
+# Whether kernels are kept and linked by `kernel_cache`, not by numba itself.
+HAS_OWN_CACHE = False
 
 
 def _step(x):
@@ -40,21 +47,35 @@ try:
     import numba
     import numba.extending
     from llvmlite import ir
-    from sat_collision.geometry.kernel_cache import Draft, keep_compiled, Whole
+    try:
+        from sat_collision.geometry.kernel_cache import Draft, keep_compiled, Whole
+        HAS_OWN_CACHE = True
+    except Exception as error:  # of other internals anything may be missing
+        if not numba.config.DISABLE_JIT:
+            report_problem(f'numba {numba.__version__} is used as it is, so a first start takes '
+                           f'minutes instead of seconds: {error}')
 
-    def _compiled(function: Callable[..., Any], pipeline: type, **options: Any) -> Any:
-        return numba.njit(error_model='numpy', no_cfunc_wrapper=True, pipeline_class=pipeline,
-                          **options)(function)
+    def _compiled(function: Callable[..., Any], is_inner: bool, **options: Any) -> Any:
+        if HAS_OWN_CACHE:
+            options |= {'no_cfunc_wrapper': True, 'no_cpython_wrapper': is_inner,
+                        'pipeline_class': Draft if is_inner else Whole}
+        return numba.njit(error_model='numpy', **options)(function)
 
     def _kept(function: Callable[..., Any]) -> Any:
         # Without the interpreter lock, so that other threads go on.
-        compiled = _compiled(function, Whole, nogil=True)
-        keep_compiled(compiled)
+        compiled = _compiled(function, False, nogil=True)
+        if HAS_OWN_CACHE:
+            keep_compiled(compiled)
+            return compiled
+        # numba's own cache does not notice that a kernel which this one calls has changed.
+        function.__qualname__ += f'_{digest_of(Path(__file__).parent)[:16]}'
+        with suppress(OSError, RuntimeError):  # it cannot be written
+            compiled.enable_caching()
         return compiled
 
     if not numba.config.DISABLE_JIT:
         # A numba that is broken, or has other internals, may fail only when it compiles.
-        _step = _compiled(_step, Draft, no_cpython_wrapper=True)
+        _step = _compiled(_step, True)
         _kept(_trial)(1.0)
 except Exception as error:  # a broken library may raise anything
     numba = None
@@ -78,9 +99,10 @@ def kernel(function: Callable[..., Any]) -> Any:
     if not COMPILED:
         return function
     compiled = _kept(function)
-    draft = inner(function)
-    compiled.get_call_template = draft.get_call_template
-    compiled.get_overload = draft.get_overload
+    if HAS_OWN_CACHE:
+        draft = inner(function)
+        compiled.get_call_template = draft.get_call_template
+        compiled.get_overload = draft.get_overload
     return compiled
 
 
@@ -92,7 +114,9 @@ def inner(function: Callable[..., Any], **options: Any) -> Any:
     """
     if not COMPILED:
         return function
-    compiled = _compiled(function, Draft, no_cpython_wrapper=True, **options)
+    compiled = _compiled(function, True, **options)
+    if not HAS_OWN_CACHE:
+        return compiled
     # A literal 0 and an integer are two types to numba, and it would compile for both.
     template = compiled.get_call_template
     compiled.get_call_template = lambda types, named: template(

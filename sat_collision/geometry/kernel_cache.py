@@ -19,24 +19,33 @@ If files cannot be written, kernels are compiled in each process; if a file is d
 is compiled again. `kernel_problem` returns the reason.
 
 The files are pickles: whoever can write to their folder can run code as whoever reads them.
+
+Of numba's internals this replaces the cache of a function, `FunctionCache`, with its files,
+`IndexDataCacheFile`, and the library of compiled code, `JITCodeLibrary`; and `jit` changes how a
+function finds those that it calls, `get_call_template` and `get_overload`. All tests of geometry
+were run with the versions `OLDEST` and `NEWEST`. With one that is not between them this module
+cannot be imported, and `jit` takes numba as it is.
 """
 
 from __future__ import annotations
 
-from functools import lru_cache
 import hashlib
 from pathlib import Path
 import pickle
 import sys
 from typing import Any, Callable
 
-from numba import __version__, config
+from numba import __version__, config, version_info
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.registry import cpu_target
 from numba.core.sigutils import normalize_signature
-from sat_collision.geometry.compilation import report_problem, say_compiling
+from sat_collision.geometry.compilation import digest_of, report_problem, say_compiling
+
+OLDEST, NEWEST = (0, 59), (0, 68)
+if not OLDEST <= version_info.short <= NEWEST:
+    raise ImportError('it was tried with numba {}.{} to {}.{}'.format(*OLDEST, *NEWEST))
 
 # Compiling these, which importing the package does, takes a fraction of a second.
 _QUICK = 'sat_collision.geometry.floating_point', 'sat_collision.geometry.jit'
@@ -74,17 +83,8 @@ def prepared_mark(others: Path) -> Path | None:
     except (OSError, RuntimeError):  # as above
         return None
     machine = cpu_target.target_context.codegen().magic_tuple()
-    known = repr((__version__, sys.version_info[:2], _digest(_HERE), _digest(others), machine))
+    known = repr((__version__, sys.version_info[:2], digest_of(_HERE), digest_of(others), machine))
     return Path(folder, f'prepared-{hashlib.sha256(known.encode()).hexdigest()[:16]}')
-
-
-@lru_cache
-def _digest(folder: Path) -> str:
-    """Return a digest of all sources in a folder, whose kernels may call each other."""
-    digest = hashlib.sha256()
-    for path in sorted(folder.glob('*.py')):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()
 
 
 class _KernelCache(FunctionCache):  # type: ignore[misc]
@@ -97,7 +97,8 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
         beside = Path(function.__code__.co_filename).parent
         self._cache_file = _CheckedFile(
             self.cache_path, self._impl.filename_base,
-            (__version__, _digest(_HERE), _digest(beside), self._impl.locator.get_source_stamp()))
+            (__version__, digest_of(_HERE), digest_of(beside),
+             self._impl.locator.get_source_stamp()))
 
     def is_filled(self) -> bool:
         """Return whether there is anything to load."""

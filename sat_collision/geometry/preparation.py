@@ -36,7 +36,7 @@ import numpy as np
 from sat_collision.geometry.compilation import kernel_problem, say_nothing
 from sat_collision.geometry.contact import contact, contact_of_arrays
 from sat_collision.geometry.convex_parts import convex_parts
-from sat_collision.geometry.jit import COMPILED, indexable, KERNEL
+from sat_collision.geometry.jit import COMPILED, HAS_OWN_CACHE, indexable, KERNEL
 from sat_collision.geometry.layout import packed_size
 from sat_collision.geometry.packed_set import PackedSet
 from sat_collision.geometry.packing import pack_convex, TRIPLE
@@ -119,8 +119,8 @@ class Preparation:
 
 
 def is_prepared() -> bool:
-    """Return whether an earlier process has left the kernels compiled; True without numba."""
-    if not COMPILED:
+    """Return whether an earlier process has left the kernels compiled; True if none is kept."""
+    if not (COMPILED and HAS_OWN_CACHE):
         return True
     # This imports numba, which may be missing or broken.
     from sat_collision.geometry.kernel_cache import is_kept

@@ -18,7 +18,7 @@ import sys
 
 from hardship import allow_writing, forbid_writing, without_privileges
 import pytest
-from sat_collision.geometry.jit import COMPILED
+from sat_collision.geometry.jit import COMPILED, HAS_OWN_CACHE, numba
 
 pytestmark = pytest.mark.skipif(not COMPILED, reason='nothing is compiled here')
 
@@ -266,3 +266,25 @@ def test_no_folder_for_the_cache(package, tmp_path):
     for _ in range(2):
         answer, hits, problem = run(package, **environment)
         assert (answer, hits) == (6.0, 0) and 'NUMBA_CACHE_DIR' in problem
+
+
+def test_versions_tried_include_the_one_here():
+    """So kernels are linked and kept as in all other tests."""
+    assert HAS_OWN_CACHE
+
+
+def test_unknown_numba_is_used_as_it_is(package):
+    """
+    With a version that was not tried, kernels are compiled and kept by numba itself.
+
+    A kernel of a changed source is compiled again, although its own file has not changed.
+    """
+    program = ('import numba\nnumba.version_info = numba.version_info._replace(short=(0, 999))\n'
+               f'{PROGRAM}')
+    problem = (f'numba {numba.__version__} is used as it is, so a first start takes minutes '
+               'instead of seconds: it was tried with numba 0.59 to 0.68')
+    assert run(package, program) == (6.0, 0, problem)
+    assert run(package, program) == (6.0, 1, problem)
+    plane = package / 'plane.py'
+    plane.write_text(plane.read_text().replace('math.sqrt(x * x + y * y) / scale', '7.0'))
+    assert run(package, program) == (14.0, 0, problem)

@@ -68,7 +68,8 @@ try:
             keep_compiled(compiled)
             return compiled
         # numba's own cache does not notice that a kernel which this one calls has changed.
-        function.__qualname__ += f'_{digest_of(Path(__file__).parent)[:16]}'
+        for path in __file__, function.__code__.co_filename:
+            function.__qualname__ += f'_{digest_of(Path(path).parent)[:16]}'
         with suppress(OSError, RuntimeError):  # it cannot be written
             compiled.enable_caching()
         return compiled

@@ -38,6 +38,8 @@ from sat_collision.geometry.compilation import kernel_problem
 hits = getattr(twice, 'stats', None)
 print(twice(3.0), sum(hits.cache_hits.values()) if hits else 0, kernel_problem())
 """
+# Makes numba look like a version that was not tried.
+UNKNOWN = 'import numba\nnumba.version_info = numba.version_info._replace(short=(0, 999))\n'
 
 
 @pytest.fixture
@@ -74,7 +76,8 @@ def test_change_of_a_called_kernel_is_noticed(package):
     assert run(package) == (14.0, 0, 'None')
 
 
-def test_change_of_a_kernel_in_another_folder_is_noticed(package):
+@pytest.mark.parametrize('numba_is', ['tried', 'unknown'])
+def test_change_of_a_kernel_in_another_folder_is_noticed(package, numba_is):
     beside = package.parent / 'motion'
     beside.mkdir()
     (beside / '__init__.py').touch()
@@ -83,10 +86,12 @@ def test_change_of_a_kernel_in_another_folder_is_noticed(package):
                       '@kernel\ndef length(x, y):\n    return x\n')
     (beside / 'caller.py').write_text(CALLER.replace('geometry.plane', 'motion.callee'))
     program = PROGRAM.replace('geometry.caller', 'motion.caller')
-    assert run(package, program) == (6.0, 0, 'None')
-    assert run(package, program) == (6.0, 1, 'None')
+    if numba_is == 'unknown':
+        program = UNKNOWN + program
+    assert run(package, program)[:2] == (6.0, 0)
+    assert run(package, program)[:2] == (6.0, 1)
     callee.write_text(callee.read_text().replace('return x', 'return 7.0'))
-    assert run(package, program) == (14.0, 0, 'None')
+    assert run(package, program)[:2] == (14.0, 0)
 
 
 def test_called_kernels_are_compiled_only_with_their_callers(package):
@@ -279,8 +284,7 @@ def test_unknown_numba_is_used_as_it_is(package):
 
     A kernel of a changed source is compiled again, although its own file has not changed.
     """
-    program = ('import numba\nnumba.version_info = numba.version_info._replace(short=(0, 999))\n'
-               f'{PROGRAM}')
+    program = UNKNOWN + PROGRAM
     problem = (f'numba {numba.__version__} is used as it is, so a first start takes minutes '
                'instead of seconds: it was tried with numba 0.59 to 0.68')
     assert run(package, program) == (6.0, 0, problem)

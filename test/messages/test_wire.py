@@ -9,21 +9,27 @@
 
 """Decoding of serialised messages, against rclpy and rosbags."""
 
+from collections import Counter
+from functools import partial
 import struct
 import subprocess
 import sys
+import tracemalloc
 from typing import Callable, NamedTuple
 
 from builders import (
-    collection, command, odometry, polygon_2d, polygon_message, SECOND, serialised, transforms)
+    box, collection, command, odometry, polygon_2d, polygon_message, SECOND, serialised, transforms)
 import numpy as np
 import pytest
+from monitors import START
 from recordings import TYPES
 from sat_collision.messages.cdr import (
     decode, decode_collection, decode_command, decode_odometry, decode_polygon_2d,
     decode_transforms, decode_twist, header_stamp, MessageError, stamped)
 from sat_collision.messages.interfaces import (
     deserialize, PolygonInstanceStamped, PolygonStamped, serialize)
+from sat_collision.monitor import Monitor
+from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 
 POINTS = [(1.0, 2.0, 3.0), (-4.0, 0.125, 0.0), (1e30, -0.0, 5.0)]
 PAIRS = [(600_000.1, 2.0), (-4.0, 0.125), (1e300, -0.0)]
@@ -152,6 +158,13 @@ KINDS = {
                      read_odometry_by_rosbags),
     'command': Kind(lambda order='<': command(0.5, -0.25, 3.0, STAMP, 'map', order),
                     decode_command, read_command_by_rosbags)}
+# Larger messages of those kinds that have no fixed size, and what the node reads them with.
+LARGE = {
+    'polygon': (serialised(100 * POINTS, STAMP), partial(decode, instance=False)),
+    'instance': (serialised(100 * POINTS, STAMP, instance=9), partial(decode, instance=True)),
+    'polygon 2d': (polygon_2d(60 * PAIRS, STAMP), decode_polygon_2d),
+    'collection': (collection(40 * [PAIRS, []], STAMP), decode_collection),
+    'transforms': (written(*some_links(2, 25)), decode_transforms)}
 EVERY_KIND = pytest.mark.parametrize('kind', KINDS.values(), ids=KINDS)
 
 
@@ -160,6 +173,17 @@ def changed(data, at, form, *values):
     data = bytearray(data)
     struct.pack_into(form, data, at, *values)
     return bytes(data)
+
+
+def variants(data, with_bytes=True):
+    """Yield a message with each byte changed, and each word that may be a length."""
+    for at in range(len(data) if with_bytes else 0):
+        for value in {0, 1, 127, 128, 255, data[at] ^ 1} - {data[at]}:
+            yield changed(data, at, 'B', value)
+    for at in range(4, len(data) - 3, 4):
+        word, = struct.unpack_from('<I', data, at)
+        for value in (word - 1) % 2**32, (word + 1) % 2**32, len(data), 2**31 - 1, 2**32 - 1:
+            yield changed(data, at, '<I', value)
 
 
 @EVERY_KIND
@@ -238,6 +262,69 @@ def test_damaged_bytes_are_refused_or_read_as_the_reference_does(kind):
         accepted += 1
         np.testing.assert_equal(received, kind.reference(damaged))
     assert 300 < accepted < 2950
+
+
+@EVERY_KIND
+def test_every_byte_and_length_changed(kind):
+    """Each byte and each aligned word, one at a time: refused, or read as the reference does."""
+    accepted = 0
+    for message in variants(kind.good()):
+        try:
+            received = kind.read(message)
+        except MessageError:
+            continue
+        accepted += 1
+        np.testing.assert_equal(received, kind.reference(message))
+    assert accepted > 100
+
+
+@pytest.mark.parametrize('name', LARGE)
+def test_no_length_makes_a_decoder_work_for_more_than_was_received(name):
+    """Memory stays within some times the bytes received, whatever a length promises."""
+    data, read = LARGE[name]
+    read(data)
+    tracemalloc.start()
+    try:
+        for message in variants(data, with_bytes=False):
+            before, _ = tracemalloc.get_traced_memory()
+            tracemalloc.reset_peak()
+            try:
+                read(message)
+            except MessageError:
+                pass
+            assert tracemalloc.get_traced_memory()[1] - before < 10 * len(data)
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize('kind, message', [
+    ('polygon', serialised), ('polygon_instance', partial(serialised, instance=1)),
+    ('polygon_collection', lambda ring, stamp: collection([ring], stamp))])
+def test_what_is_good_counts_after_any_damaged_message(kind, message):
+    """A set of one message is known after each, and the footprint beside it, too."""
+    end = 'none' if kind == 'polygon_collection' else 'each_message'
+    now = START
+    monitor = Monitor(Settings(
+        (FootprintSettings('robot', '/robot', timeout=60.0),),
+        (ObstacleSettings('lidar', '/lidar', type=kind, set_end=end, timeout=60.0),),
+        frame_id='map'))
+    numbers = Counter()
+
+    def receive(name, data):
+        numbers[name] += 1
+        return monitor.receive(name, data, now, numbers[name])
+    refused = 0
+    for data in variants(message(box(5), START)):
+        now += SECOND // 1000
+        refused += receive('lidar', data) is not None
+        refused += receive('robot', data) is not None
+        assert not receive('lidar', message(box(0.5), now))
+        assert not receive('robot', serialised(box(0), now))
+        assert sorted(box(0.5)) in [sorted(map(tuple, one.vertices.tolist()))
+                                    for _, one in monitor.scene.obstacles]
+        assert not monitor.scene.source_faults
+        assert monitor.scene.state('robot').status.value == 'collision'
+    assert refused > 300
 
 
 @EVERY_KIND

@@ -60,7 +60,7 @@ class Trajectory:
 
     A piece leads from one sample to the next if no refused footprint came between them, if they
     are no further apart in time than the timeout, and if they have as many vertices. A sample
-    alone is a piece without length. Times are in ns.
+    alone, or one of several with a stamp, is a piece without length. Times are in ns.
     """
 
     def __init__(self, settings: FootprintSettings) -> None:
@@ -81,20 +81,21 @@ class Trajectory:
         self._outlines: dict[int, Polygon] = {}
 
     def add(self, time: int, sample: Bodies) -> None:
-        """Add a sample; one that is older than the last by up to `longest` is ignored."""
+        """Add a sample; one older than the last by up to `longest`, or equal to it, is ignored."""
         begin, last = self._last or (None, sample)
-        if begin is not None and begin - self.longest <= time < begin:
+        if begin is not None and (
+                begin - self.longest <= time < begin
+                or time == begin and np.array_equal(sample.ring(0), last.ring(0))):
             return
         self._last, self.latest = (time, sample), time
-        if begin is None or time < begin:
+        if begin is None or time <= begin:
             self._append(Piece(sample, sample))
-        elif time > begin:
-            if sample.followed if sample.follows(last) else time - begin <= self.longest and (
-                    last.rings[0, COUNT] == sample.rings[0, COUNT]):
-                self._append(Piece(last, sample))
-            else:
-                self.undetermined += round(min(time - begin, self.longest))
-                self._append(Piece(sample, sample))
+        elif sample.followed if sample.follows(last) else time - begin <= self.longest and (
+                last.rings[0, COUNT] == sample.rings[0, COUNT]):
+            self._append(Piece(last, sample))
+        else:
+            self.undetermined += round(min(time - begin, self.longest))
+            self._append(Piece(sample, sample))
 
     def lose(self) -> None:
         """Reset the pose: it is unknown until the next sample."""
@@ -127,7 +128,8 @@ class Trajectory:
         starts, pieces = self._starts, self._pieces
         k = max(bisect_right(starts, start) - 1, 0)
         if starts and starts[k] <= start < finish <= pieces[k].end and (
-                not k or pieces[k - 1].end <= start):
+                not k or pieces[k - 1].end < start
+                or pieces[k - 1].begin < start and pieces[k - 1].after is pieces[k].before):
             return [(start, finish, pieces[k])]
         # Pieces of no length may share their time with the end of the one before.
         while k > 0 and pieces[k - 1].end >= start:
@@ -135,10 +137,11 @@ class Trajectory:
         found: list[tuple[int, int, Piece]] = []
         while k < len(starts) and starts[k] <= finish:
             begin, end = max(starts[k], start), min(pieces[k].end, finish)
-            # An instant at which the piece before ends or the next begins is left out.
-            if begin < end or begin == end and not (found and found[-1][1] == end) and not (
-                    k + 1 < len(starts) and max(starts[k + 1], start) == end
-                    and end < min(pieces[k + 1].end, finish)):
+            # An instant whose sample ends the piece before or begins the next is left out.
+            if begin < end or begin == end and not (
+                    found and found[-1][1] == end and found[-1][2].after is pieces[k].before
+            ) and not (k + 1 < len(starts) and pieces[k + 1].before is pieces[k].after
+                       and max(starts[k + 1], start) == end < min(pieces[k + 1].end, finish)):
                 found.append((begin, end, pieces[k]))
             k += 1
         return found
@@ -149,15 +152,16 @@ class Trajectory:
         last = bisect_left(self._starts, finish) - 1
         if k < 0 or last - k != high - low:
             return False
+        # The block knows no samples by themselves, such as those of equal stamps.
+        first, after = bisect_left(self._starts, start), bisect_right(self._starts, finish)
+        if any(one.begin == one.end for one in self._pieces[first:after]):
+            return False
         begin, end = self._pieces[k].before, self._pieces[last].after
         return (begin.block is block and end.block is block
                 and begin.number == low - 1 and end.number == high)
 
     def bounds(self, start: int, finish: int) -> Box | None:
         """Return the bounds of the footprint between two times, None if it is unknown then."""
-        if start == finish:
-            piece = self._piece_at(start)
-            return None if piece is None else piece.box
         boxes = [piece.box for _, _, piece in self.pieces(start, finish)]
         return reduce(around, boxes) if boxes else None
 

@@ -383,6 +383,26 @@ def test_bodies_never_known_at_the_same_time_are_unknown(tmp_path):
     assert run_again(tmp_path, as_live=True).verdict is Verdict.COLLISION
 
 
+@pytest.mark.parametrize('middle', [(2,), (2, 2), (1, 2, 3)])
+def test_every_footprint_of_a_stamp_counts(tmp_path, middle):
+    """Only a footprint that is neither the first nor the last of its stamp touches the wall."""
+    places = [(k / 10, 0.0) for k in range(20)]
+    places[10:10] = [(1.0, 0.0), *((1.0, 1.0 * x) for x in middle)]
+    result = run(tmp_path, [at(time, box(x), topic='/footprint') for time, x in places]
+                 + [at(k / 10, box(2.5)) for k in range(20)])
+    contact, = result.contacts
+    assert since(result, contact.first, contact.last) == [1.0, 1.0]
+
+
+def test_footprint_sent_again_is_one_contact(tmp_path):
+    """The same footprint with the same stamp says nothing new."""
+    times = [k / 10 for k in range(20)]
+    result = run(tmp_path, [at(time, box(0), topic='/footprint') for time in times + [1.0] * 2]
+                 + [at(time, box(0.5)) for time in times])
+    contact, = result.contacts
+    assert since(result, contact.first, contact.last) == [0.0, 1.9]
+
+
 def test_obstacle_in_another_frame_is_no_contact(tmp_path):
     """Even if it is received before the footprint's frame is known."""
     messages = [('/obstacles', 0.0, serialised(box(0), START, 'odom')),

@@ -21,6 +21,7 @@ from typing import NamedTuple, TypeAlias
 
 from sat_collision.messages.ingest import Batch, Ingest, Placement, Wait
 from sat_collision.messages.outlines import Commands, Outlines
+from sat_collision.messages.paths import Paths
 from sat_collision.messages.rejections import Rejection
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.scene.frames import NoTransform
@@ -80,6 +81,7 @@ class Monitor:
         self.rejected = self.ingest.rejected
         self.outlines = Outlines(settings, self.ingest, self.transforms, self.received)
         self.commands = Commands(settings, self.ingest, self.scene)
+        self.paths = Paths(self.ingest, self.scene, self.transforms, self.outlines)
         self.waiting = WaitingItems(self._take_waiting, self._take_early)
         # The numbers of the first messages that wait, by name, as last told to the scene.
         self._firsts: dict[str, int] = {}
@@ -122,6 +124,9 @@ class Monitor:
         self.received[name] += len(messages)
         if name in self.commands.names:
             return self.commands.receive(name, messages, now)
+        if name in self.paths.names:
+            self.paths.receive(name, messages[-1])
+            return _NOTHING
         self._watch_clock(now)
         rejections: Sequence[Rejection] = _NOTHING
         batch = Batch(messages, number) if name in self.ingest.headers else None
@@ -273,6 +278,7 @@ class Monitor:
     def _forget_times(self, now: int) -> None:
         self.transforms.clear()
         self.outlines.clear()
+        self.paths.clear()
         for name in self.waiting.counts():
             # A map goes on: what of it waited is refused, and asked for again.
             is_map = name in self.scene.source_names and not self.scene.settings_of(name).timeout

@@ -17,20 +17,20 @@ of the whole path, of chunks of segments and of segments leave out what is far a
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sat_collision.geometry.box_index import box_gap, rows_near
+from sat_collision.geometry.box_index import box_gap, contains, rows_near
 from sat_collision.geometry.floating_point import require_nearest
 from sat_collision.geometry.jit import indexable, inner, kernel, scratch, scratch_integers
 from sat_collision.geometry.layout import packed_polygon, rows_of
 from sat_collision.geometry.moving import MovingBody, parts_about
 from sat_collision.geometry.plane import length
 from sat_collision.geometry.polygon import as_polygon, BodyLike, Polygon
-from sat_collision.geometry.polygon_set import PolygonSet, rows_within
+from sat_collision.geometry.polygon_set import ascending, PolygonSet, rows_within
 from sat_collision.geometry.prediction import BEYOND, first_met, Motion, path_of, ways_of
 from sat_collision.geometry.sweep import limits
 
@@ -122,13 +122,20 @@ def first_contact_along(body: BodyLike, poses: ArrayLike,
     margin = limits(_TOLERANCE, margin)[1]
     polygon = as_polygon(body)
     bodies = obstacles if isinstance(obstacles, PolygonSet) else PolygonSet(obstacles)
+    return first_of_rows(polygon, path, bodies, margin, ())
+
+
+def first_of_rows(polygon: Polygon, path: NDArray[np.float64], bodies: PolygonSet, margin: float,
+                  skipped: Collection[int]) -> PathContact | None:
+    """Return what `first_contact_along` does, for valid poses, leaving out some rows."""
     array, indexed = bodies._snapshot()
     placed = _placed(polygon, path[0])
     for row in rows_within(array, indexed, placed, margin).tolist():
-        return PathContact(0.0, 0.0, row)
+        if row not in skipped:
+            return PathContact(0.0, 0.0, row)
     row, segment, share, distance = first_row_met_on(
-        array, indexed, *polygon.packed, indexable(path.ravel()), margin,
-        indexable(ways_of(None, int(array[1]), 1.0)))
+        array, indexed, *polygon.packed, indexable(np.append(path, margin)),
+        indexable(ways_of(None, int(array[1]), 1.0)), ascending(skipped))
     if row < 0:
         return None
     pose = segment + share
@@ -161,11 +168,12 @@ def _placed(polygon: Polygon, pose: NDArray[np.float64]) -> Polygon:
 
 
 @kernel
-def first_row_met_on(set_array, indexed, body, count, poses, margin, ways):
+def first_row_met_on(set_array, indexed, body, count, poses, ways, skipped):
     """
     Find which row of a set, none of which moves, a body meets first after the first of some poses.
 
-    The body is packed, in its own frame, poses are a flat array, and ways all 0, for each row.
+    The body is packed, in its own frame, poses are a flat array with the margin at its end, ways
+    all 0, for each row; the rows in `skipped`, ascending, are left out.
     Return the row, or -1, the segment, the share of it and the length of all of them until there.
     """
     require_nearest(count)
@@ -175,6 +183,7 @@ def first_row_met_on(set_array, indexed, body, count, poses, margin, ways):
     for k in range(0, len(own.array), 2):
         radius = max(radius, length(own.array[k], own.array[k + 1]))
     segments = len(poses) // 3 - 1
+    margin = poses[3 * segments + 3]
     boxes = scratch(4 * segments)
     for segment in range(segments):
         _write_box(poses, segment, _motion(poses, segment, margin), radius, boxes)
@@ -193,9 +202,10 @@ def first_row_met_on(set_array, indexed, body, count, poses, margin, ways):
                 around, some = rows_near(rows, indexed, box, 0.0)
                 close = scratch_integers(some)
             else:
-                some = _those_in(rows, box, everywhere, total, around)
+                some = _those_in(rows, box, everywhere, total, skipped, around)
         motion = _motion(poses, segment, margin)
-        few = _those_in(rows, _box(boxes, segment, segment + 1), around, some, close)
+        box = _box(boxes, segment, segment + 1)
+        few = _those_in(rows, box, around, some, skipped, close)
         way = length(motion.vx, motion.vy)
         if few > 0:
             body_there = _turned(own, poses[3 * segment + 2])
@@ -259,11 +269,12 @@ def _box(boxes, segment, end):
 
 
 @inner
-def _those_in(rows, box, among, size, found):
+def _those_in(rows, box, among, size, skipped, found):
     """Write which of so many rows have bodies whose boxes meet a box; return how many."""
     count = 0
     for k in range(size):
-        if rows.n[among[k]] != 0 and box_gap(rows, among[k], box) <= 0.0:
+        if (rows.n[among[k]] != 0 and box_gap(rows, among[k], box) <= 0.0
+                and not contains(skipped, among[k])):
             found[count] = among[k]
             count += 1
     return count

@@ -429,7 +429,7 @@ class PolygonSet:
         """
         packed, count = as_polygon(body).packed
         row, separation, ax, ay, bx, by, _ = near_rows(
-            *self._snapshot(), packed, count, NEAREST, _ascending(skipped))
+            *self._snapshot(), packed, count, NEAREST, ascending(skipped))
         return None if row < 0 else (row, separation, (ax, ay), (bx, by))
 
     def first_contact(self, footprint: BodyLike, twist: ArrayLike, horizon: float,
@@ -476,7 +476,7 @@ class PolygonSet:
                 return row, 0.0
         packed, count = polygon.packed
         row, time = first_row_met(array, indexed * (velocities is None), packed, count,
-                                  indexable(motion), indexable(ways), _ascending(skipped))
+                                  indexable(motion), indexable(ways), ascending(skipped))
         return None if row < 0 else (row, time)
 
     def intersects(self, body: BodyLike) -> NDArray[np.bool_]:
@@ -574,7 +574,7 @@ def rows_within(array: Any, indexed: int, body: Polygon, margin: float) -> NDArr
     return _NO_ROWS if found is None else np.asarray(found)
 
 
-def _ascending(rows: Iterable[int]) -> NDArray[np.int64]:
+def ascending(rows: Iterable[int]) -> NDArray[np.int64]:
     """Return rows in ascending order, as an array that kernels read."""
     array: NDArray[np.int64] = indexable(np.sort(np.fromiter(rows, np.int64)))
     return array

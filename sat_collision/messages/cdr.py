@@ -22,6 +22,7 @@ import sys
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.packing import DOUBLE, PAIR, TRIPLE
 from sat_collision.geometry.polygon import Points
@@ -265,6 +266,39 @@ def decode_twist(data: bytes) -> Twist:
     vx, vy, omega = _ORDERS[data[:4]].twist(
         data, len(data) - _TWIST_COVARIANCE_SIZE - _TWIST_SIZE)
     return vx, vy, omega
+
+
+def decode_path(data: bytes, most: int) -> tuple[int, str, NDArray[np.float64] | int]:
+    """
+    Read a Path: stamp in ns, frame, and x, y, z and the quaternion of each pose, (k, 7).
+
+    If there are more poses than `most`, their number stands for them.
+    """
+    try:
+        order, stamp, frame_id, end = _read_either_header(data)
+        at = ((end + 3) & ~3) + COUNT_SIZE
+        count, = order.count(data, at - COUNT_SIZE)
+        if count > most:
+            return stamp, frame_id, count
+        poses = []
+        last = b''
+        for _ in range(count):
+            length, = order.count(data, at + _STAMPED_SIZE - COUNT_SIZE)
+            start = at + _STAMPED_SIZE
+            at = start + length
+            text = data[start:at]
+            if text != last or not length:
+                if _name(text, length) not in ('', frame_id):
+                    raise MessageError('a pose is in another frame than the path')
+                last = text
+            at = ((at - 4 + 7) & ~7) + 4
+            poses.append(data[at:at + _TRANSFORM_SIZE])
+            at += _TRANSFORM_SIZE
+    except struct.error as error:
+        raise MessageError('ends before its poses do') from error
+    _check_size(data, at)
+    numbers = np.frombuffer(b''.join(poses), f'{order.sign}f8').reshape(-1, 7)
+    return stamp, frame_id, numbers.astype(np.float64)
 
 
 def decode_command(data: bytes) -> tuple[int, str, Twist]:

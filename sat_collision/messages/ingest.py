@@ -34,7 +34,7 @@ from sat_collision.scene.obstacle_store import Followed, Polygons, Shape
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import (
     CommandSettings, EACH_MESSAGE, EMPTY_POLYGON, FootprintSettings, NEVER, ObstacleSettings,
-    POLYGON, POLYGON_2D, POLYGON_COLLECTION, POLYGON_INSTANCE, Settings)
+    PathSettings, POLYGON, POLYGON_2D, POLYGON_COLLECTION, POLYGON_INSTANCE, Settings)
 from sat_collision.scene.velocity import Velocity
 
 _NO_ENDS = indexable(np.empty(0, np.int64))
@@ -412,8 +412,8 @@ class Ingest:
         self._scene.refuse(settings.name, reason, now, stamp, instance, number)
         return self.reject(settings, reason, detail)
 
-    def reject(self, settings: FootprintSettings | ObstacleSettings | CommandSettings,
-               reason: str, detail: str) -> Rejection:
+    def reject(self, settings: (FootprintSettings | ObstacleSettings | CommandSettings
+                                | PathSettings), reason: str, detail: str) -> Rejection:
         """Count a refused message and return its Rejection."""
         self.rejected[settings.name, reason] += 1
         return Rejection(settings.name, settings.topic, reason, detail)

@@ -26,6 +26,7 @@ from sat_collision.messages.interfaces import ColorRGBA, Duration, Marker, Marke
 from sat_collision.messages.states import in_words
 from sat_collision.scene.footprints import State, Status
 from sat_collision.scene.obstacles import ObstacleId
+from sat_collision.scene.path import PathCheck
 from sat_collision.scene.prediction import Prediction
 from sat_collision.scene.scene import Scene
 
@@ -102,7 +103,8 @@ class Markers:
     `<name>/points` for each footprint and source of obstacles, of which id 1 has those in contact
     and id 0 the rest; `<footprint>/name` says its name and state. `contacts/...` show where bodies
     meet, and which way the footprint would have to move; `nearest/...` the nearest pair apart;
-    `<footprint>/ahead` its way to a contact that is predicted, and `<footprint>/time` when. Of
+    `<footprint>/ahead` its way to a contact that is predicted, and `<footprint>/time` when;
+    `<footprint>/path` the path until its first contact, and the footprint there. Of
     very many obstacles only the nearest are drawn, as `limit/text` says.
     """
 
@@ -130,6 +132,8 @@ class Markers:
         self._draw_nearest(scene, known)
         for name in known:
             self._draw_ahead(name, scene.prediction(name))
+        for name in footprints:
+            self._draw_path(name, scene.path_checks.get(name))
         for name, state in states.items():
             self._name(name, state, scene.settings.margin)
         if len(nearest) == MAX_DRAWN:
@@ -217,6 +221,14 @@ class Markers:
         self._write(f'{name}/time', _AMBER, (*rings[-1].min(0).tolist(),
                                              *rings[-1].max(0).tolist()),
                     f'{name} - {prediction.obstacle}: {prediction.seconds:.1f} s')
+
+    def _draw_path(self, name: str, found: PathCheck | None) -> None:
+        """Draw the path of a footprint up to its first contact, and the footprint there."""
+        if found and found.way is not None and found.outline is not None:
+            ring = np.stack([found.outline, np.roll(found.outline, -1, 0)], 1)
+            way = np.stack([found.way[:-1], found.way[1:]], 1)
+            self._add(f'{name}/path', 0, _OUTLINE, _MAROON,
+                      _points(np.concatenate([ring, way]).reshape(-1, 2)))
 
     def _add(self, ns: str, number: int, style: _Style, colour: _Colour,
              points: list[Any]) -> None:

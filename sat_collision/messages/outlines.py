@@ -30,7 +30,7 @@ from sat_collision.scene.scene import FROM_FUTURE, Scene
 from sat_collision.scene.settings import CommandSettings, FootprintSettings, NEVER, Settings
 from sat_collision.scene.sources import TOO_OLD
 from sat_collision.scene.velocity import (
-    COMMAND, Command, is_plausible, ODOMETRY, pose_of, TRANSFORMS, Velocity)
+    COMMAND, Command, is_plausible, ODOMETRY, Pose, pose_of, TRANSFORMS, Velocity)
 
 # An outline in a static frame is placed again so many times within its timeout.
 _TIMES_PLACED = 3
@@ -101,6 +101,10 @@ class Outlines:
                       if (rejection := self._follow(one, now))]
         self._is_clock_new = False
         return rejections
+
+    def pose(self, name: str) -> Pose:
+        """Return x, y and yaw of the frame of an outline that is placed."""
+        return pose_of(self._outlines[name].affine)
 
     @property
     def deadline(self) -> float:

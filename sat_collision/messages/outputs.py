@@ -96,6 +96,9 @@ class Outputs:
         self._times = {
             name: node.create_publisher(Float64, f'~/{name}/time_to_collision', 10)
             for name in self._flags}
+        self._paths = {
+            one.name: node.create_publisher(Float64, f'~/{one.name}/path_contact_distance', 10)
+            for one in settings.footprints if one.plan}
         self._clouds = {
             name: node.create_publisher(PointCloud2, f'~/{name}/contacts', 10)
             for name in self._flags}
@@ -209,7 +212,8 @@ class Outputs:
         """
         for publisher in (self._common_flag, *self._flags.values()):
             publisher.publish(_FLAGS[True])
-        for publisher in (*self._separations.values(), *self._times.values()):
+        for publisher in (*self._separations.values(), *self._times.values(),
+                          *self._paths.values()):
             publisher.publish(_UNKNOWN)
         states = States(self._node_name, self._states.settings)
         state = State(Status.UNKNOWN, (), (reason,), None)
@@ -218,6 +222,11 @@ class Outputs:
         if self._state_publisher.get_subscription_count():
             self._state_publisher.publish(states.message(self._clock.now().to_msg()))
         return states.statuses
+
+    def publish_paths(self) -> None:
+        """Publish how far along its path each footprint meets an obstacle."""
+        for name, found in self._scene.path_checks.items():
+            self._paths[name].publish(serialize(Float64(data=found.metres)))
 
     def _nearest(self, name: str) -> Nearest | None:
         """Return the obstacle nearest to a footprint, None if there is none or it is unknown."""

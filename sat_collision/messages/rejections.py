@@ -21,6 +21,8 @@ from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN
 from sat_collision.scene.settings import BY_ANOTHER_CLOCK, FAR
 from sat_collision.scene.sources import TOO_OLD
 
+BAD_PATH = 'no coordinates of a path'
+TOO_MANY_POSES = 'too many poses'
 BAD_COMMAND = 'no velocity of a robot'
 COMMAND_FRAME = 'command in another frame'
 EMPTY_FRAME_ID = 'empty frame_id'
@@ -29,6 +31,7 @@ OTHER_BODY = 'odometry of another body'
 UNDECODABLE = 'undecodable'
 
 _ADVICE = {
+    BAD_PATH: 'the publisher must send finite numbers',
     BAD_COMMAND: 'the publisher must send finite numbers, of up to 1000 m/s or rad/s',
     COMMAND_FRAME: 'the publisher must send it in the frame of the outline, or name none',
     EMPTY_FRAME_ID: 'the publisher must say which frame the polygon is in',
@@ -45,6 +48,7 @@ _ADVICE = {
     Reason.TOO_MANY_VERTICES.value: 'simplify the polygon or raise the parameter max_vertices',
     TOO_MANY: 'publish fewer obstacles or raise the parameter max_count of the source',
     TOO_OLD: 'check clocks and delays, or raise the parameter timeout',
+    TOO_MANY_POSES: 'let the planner send fewer poses, or raise the parameter max_path_poses',
     UNDECODABLE: 'check that the publisher has the message type that this topic should have',
     frames.BAD_FRAME_ID: 'correct the header of the publisher, or the parameter frame_id',
     frames.BAD_NAMES: 'a transform must name two frames',

@@ -34,7 +34,7 @@ _NAMED_IN_MESSAGE = 3
 _NOT_MEASURED = 'distances are not measured yet: their kernels are being compiled'
 _MOVING = ('age', 'least separation', 'nearest obstacle', 'nearest obstacle is newer by',
            'contacts are newer by', 'frame', 'age of transform', 'time to collision',
-           'first contact with', 'velocity', 'obstacles of unknown motion')
+           'first contact with', 'path contact', 'velocity', 'obstacles of unknown motion')
 
 
 def in_words(state: State, margin: float = 0.0, prediction: Prediction | None = None) -> str:
@@ -148,6 +148,7 @@ class States:
             '' if transform_age is None else f'{transform_age:.3f}',
             f'{prediction.seconds:.3f}' if prediction and is_known else '',
             str(prediction.obstacle or '') if prediction and is_known else '',
+            scene.path_checks[name].text if name in scene.path_checks else '',
             motion,
             ', '.join(map(str, prediction.unknown)) if prediction else '',
             *('; '.join(filter(None, known)) for known in scene.source_summaries))

@@ -43,7 +43,7 @@ from sat_collision.node.parameters import Parameters
 from sat_collision.node.publishers import faults_of
 from sat_collision.node.signals import Signalled
 from sat_collision.node.subscriptions import (
-    CommandSubscriptions, subscribe_transforms, Subscriptions, transform_type)
+    CommandSubscriptions, PathSubscriptions, subscribe_transforms, Subscriptions, transform_type)
 from sat_collision.node.watchdog import ClockWatch, Every, Systemd, Watchdog
 from sat_collision.scene.parameters import is_name_of, ParameterError, parameters_by_node
 from sat_collision.scene.settings import NEVER, Settings, TF
@@ -121,6 +121,7 @@ class FootprintMonitor(Node):
         self._set_rates(settings)
         inputs = [*self._transform_inputs, *self._inputs.inputs]
         self._commands = CommandSubscriptions(self, settings, taken_by, inputs)
+        self._paths = PathSubscriptions(self, settings, taken_by, inputs)
         self.loop = Loop(self, inputs, self, lambda: self._scene.settings.max_batch_delay)
         parameters.on_change(self._configure, self._health.note_change)
 
@@ -247,6 +248,9 @@ class FootprintMonitor(Node):
         self._publish_changes()
         if self._publishing.due(steady) or goes_on:
             self._outputs.publish()
+            if self._outputs.measures:
+                self._log(self._monitor.paths.check(now))
+                self._outputs.publish_paths()
         if self._marking.due(steady):
             self._publish_markers()
         if self._reporting.due(steady):
@@ -274,6 +278,8 @@ class FootprintMonitor(Node):
             self._monitor.update_publishers(name, endpoints)
         for name, fault in self._commands.follow():
             self._scene.note_command_fault(name, fault)
+        for name, fault in self._paths.follow():
+            self._monitor.paths.note_fault(name, fault)
         for one in self._inputs.inputs:
             if self._scene.wants_history(one.name) and self._inputs.renew(one.name):
                 self._monitor.renew(one.name)

@@ -34,8 +34,8 @@ from sat_collision.node.loop import Input, unused
 from sat_collision.node.publishers import Publishers
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.settings import (
-    CommandSettings, FootprintSettings, ObstacleSettings, POLYGON_2D, POLYGON_COLLECTION,
-    POLYGON_INSTANCE, Settings, TF)
+    CommandSettings, FootprintSettings, ObstacleSettings, PathSettings, POLYGON_2D,
+    POLYGON_COLLECTION, POLYGON_INSTANCE, Settings, TF)
 
 # QoS of transforms, as in tf2.
 _TRANSFORM_DEPTH = 100
@@ -52,6 +52,11 @@ _OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIAB
 _COMMAND_TYPES = {'geometry_msgs/msg/Twist': Twist, 'geometry_msgs/msg/TwistStamped': TwistStamped}
 # Only the last command counts, and nothing depends on having received all of them.
 _COMMAND_QOS = QoSProfile(depth=1, reliability=QoSReliabilityPolicy.BEST_EFFORT)
+
+_PATH_TYPE = 'nav_msgs/msg/Path'
+# Only the last path counts.
+_PATH_QOS = QoSProfile(depth=1, reliability=QoSReliabilityPolicy.BEST_AVAILABLE,
+                       durability=QoSDurabilityPolicy.BEST_AVAILABLE)
 
 # Takes the name of an input and how its matched publishers have changed.
 NoteMatched: TypeAlias = Callable[[str, QoSSubscriptionMatchedInfo], object]
@@ -167,6 +172,57 @@ class Subscriptions:
         self.publishers.changed.add(source.name)
         self._health.count_event(source.topic, 'liveliness lost',
                                  max(event.not_alive_count_change, 0))
+
+
+class PathSubscriptions:
+    """
+    Subscribes to paths with the best QoS that their publishers offer, once there are any.
+
+    Where others have come in place of all of them, it subscribes anew. `inputs` is kept up to
+    date.
+    """
+
+    def __init__(self, node: Node, settings: Settings, group: CallbackGroup,
+                 inputs: list[Input]) -> None:
+        self._node = node
+        self._group = group
+        self._inputs = inputs
+        self._plans = [one.plan for one in settings.footprints if one.plan]
+        # By name, and the publishers that there were then.
+        self._subscribed: dict[str, tuple[Input, set[tuple[int, ...]]]] = {}
+
+    def follow(self) -> Iterator[tuple[str, str]]:
+        """Subscribe where that is due; yield each name and why no path can come, empty if not."""
+        for plan in self._plans:
+            # The settings have the remapped name, which must not be remapped again.
+            topic = self._node.get_parameter(plan.name).value
+            found = self._node.get_publishers_info_by_topic(topic)
+            publishers = {tuple(one.endpoint_gid) for one in found
+                          if one.topic_type == _PATH_TYPE}
+            one, before = self._subscribed.get(plan.name, (None, set()))
+            if publishers and one and not publishers & before:
+                # It exists until the loop renews its wait set: the next one is for the next call.
+                del self._subscribed[plan.name]
+                self._inputs.remove(one)
+                self._node.destroy_subscription(one.subscription)
+            elif publishers and not one:
+                try:
+                    self._subscribe(plan, topic, publishers)
+                except RuntimeError as error:  # this process has a subscription of another type
+                    yield plan.name, str(error)
+                    continue
+            others = ', '.join(sorted({info.topic_type for info in found}))
+            yield plan.name, ('' if publishers else f'it is published as {others}' if others
+                              else 'it has no publisher')
+
+    def _subscribe(self, plan: PathSettings, topic: str,
+                   publishers: set[tuple[int, ...]]) -> None:
+        from nav_msgs.msg import Path
+        one = Input(plan.name, self._node.create_subscription(
+            Path, topic, unused, _PATH_QOS, raw=True, callback_group=self._group))
+        self._subscribed[plan.name] = one, publishers
+        self._inputs.append(one)
+        self._node.get_logger().info(f'{plan.name}: Path on {plan.topic}')
 
 
 def _kind(settings: FootprintSettings | ObstacleSettings) -> type:

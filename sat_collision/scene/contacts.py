@@ -15,7 +15,9 @@ from collections.abc import Iterable, Mapping
 from typing import Any, Generic, TypeAlias, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from sat_collision.geometry.packed_set import PackedSet
+from sat_collision.geometry.path import first_of_rows
 from sat_collision.geometry.polygon import PackedBody, Polygon
 from sat_collision.geometry.polygon_set import Point
 from sat_collision.geometry.prediction import motion_of
@@ -168,6 +170,13 @@ class Contacts:
             if found and not (first and first[1] <= found[1]):
                 first = [*moving][found[0]], found[1]
         return first
+
+    def first_on_path(self, footprint: Footprint, outline: Polygon, poses: NDArray[np.float64]
+                      ) -> tuple[Obstacle, float, float] | None:
+        """Return the obstacle first met on a path, and where, see `first_contact_along`."""
+        found = first_of_rows(outline, poses, self._obstacles.polygons, self.margin,
+                              self._unmonitored(footprint))
+        return found and (self._obstacles.bodies[found.row], found.pose, found.distance)
 
     def _unmonitored(self, footprint: Footprint) -> list[int]:
         """Return the rows of the obstacles that a footprint does not monitor."""

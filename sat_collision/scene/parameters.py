@@ -156,6 +156,8 @@ def read_settings(footprints: Iterable[str], obstacles: Iterable[str],
             settings = replace(settings, topic=resolved(f'{name}.points', TF))
         if settings.cmd_vel:
             settings = replace(settings, cmd_vel=resolved(f'{name}.cmd_vel', settings.cmd_vel))
+        if settings.path:
+            settings = replace(settings, path=resolved(f'{name}.path', settings.path))
         return settings
 
     sources = list(obstacles)
@@ -216,6 +218,10 @@ def check_outlines(settings: Settings) -> None:
             outline_of(one, settings.max_vertices)
         elif one.cmd_vel:
             raise ParameterError(f'{name}.cmd_vel: a command is in the frame of the robot, and a '
+                                 f'footprint that is published does not say where that is: give '
+                                 f'{name}.points or {name}.radius, and {name}.frame_id, instead')
+        elif one.path:
+            raise ParameterError(f'{name}.path: a path moves the frame of the robot, and a '
                                  f'footprint that is published does not say where that is: give '
                                  f'{name}.points or {name}.radius, and {name}.frame_id, instead')
         elif one.frame_id or one.odometry:

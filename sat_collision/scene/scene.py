@@ -16,12 +16,13 @@ from itertools import chain
 import math
 from typing import Any
 
-from sat_collision.geometry.polygon import PackedBody
+from sat_collision.geometry.polygon import PackedBody, Polygon
 from sat_collision.geometry.run import Run
 from sat_collision.scene.contacts import Contacts, NoContacts
 from sat_collision.scene.footprints import Evaluation, Footprint, Origin, Status
 from sat_collision.scene.frames import in_quotes
 from sat_collision.scene.obstacle_store import OTHER_FRAME, Shape
+from sat_collision.scene.path import PathCheck, Plan
 from sat_collision.scene.prediction import predict
 from sat_collision.scene.settings import BY_ANOTHER_CLOCK, EMPTY_POLYGON, FAR, NEVER, Settings
 from sat_collision.scene.sources import Source
@@ -98,6 +99,8 @@ class Scene(SceneView):
         self._faults: dict[str, tuple[str, tuple[str, ...]]] = dict.fromkeys(
             self._footprints, ('', ()))
         self._reported: dict[str, Evaluation] = {}
+        # What the last checks of paths found, by name of the footprint.
+        self.path_checks: dict[str, PathCheck] = {}
         # Footprints evaluated since the last call of `changes`, and those then found in collision.
         self.evaluated: set[Footprint] = set()
         self._collided: set[str] = set()
@@ -223,6 +226,10 @@ class Scene(SceneView):
                                     self._now + int((seconds - threshold) * 1e9) - 1)
         if self._contacts.changed:
             self._evaluate()
+
+    def check_path(self, name: str, plan: Plan, outline: Polygon) -> PathCheck:
+        """Check the path of a footprint, whose outline is given in its own frame."""
+        return plan.check(self._footprints[name], outline, self._contacts)
 
     def obstacle(self, name: str, body: Shape | None, frame_id: str, stamp: int, now: int,
                  instance: int | None = None, number: int | None = None) -> str | None:

@@ -80,6 +80,14 @@ class CommandSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class PathSettings:
+    """The path of a footprint: a topic with a name of its own."""
+
+    name: str
+    topic: str
+
+
+@dataclass(frozen=True, slots=True)
 class FootprintSettings:
     """One footprint, with a name and a topic of its own."""
 
@@ -118,6 +126,9 @@ class FootprintSettings:
     cmd_vel: str = field(default='', metadata=_setting(
         'topic of the commands by which contacts are predicted, geometry_msgs/TwistStamped or '
         'Twist in the frame of the outline; empty to predict by the measured velocity'))
+    path: str = field(default='', metadata=_setting(
+        'topic of nav_msgs/Path; the latest path is checked ahead of the robot, which must have '
+        'an outline; empty for none'))
     min_time_to_collision: float = field(default=0.0, metadata=_setting(
         's; also raises the flag if the footprint will be in contact within this time, should it '
         'keep its velocity; 0.0 for contact alone', live=True, safety=True, limits=(0.0, 60.0)))
@@ -134,6 +145,11 @@ class FootprintSettings:
         return CommandSettings(f'{self.name}.cmd_vel', self.cmd_vel,
                                min(self.timeout or longest, longest),
                                self.enabled) if self.cmd_vel else None
+
+    @property
+    def plan(self) -> PathSettings | None:
+        """Its path, if it has one."""
+        return PathSettings(f'{self.name}.path', self.path) if self.path else None
 
     def monitors(self, source: str) -> bool:
         """Return whether the obstacles of a source, and its faults, concern the footprint."""
@@ -236,6 +252,9 @@ class Settings:
         'delayed', live=True, safety=True, limits=(0.0, _DAY)))
     max_vertices: int = field(default=MAX_VERTICES, metadata=_setting(
         'max number of vertices of a polygon; a message with more is refused',
+        limits=(1, 1_000_000)))
+    max_path_poses: int = field(default=10_000, metadata=_setting(
+        'max number of poses of a path; one with more is refused', live=True,
         limits=(1, 1_000_000)))
     publish_rate: float = field(default=10.0, metadata=_setting(
         'Hz; how often flags and states are published without any change',

@@ -44,8 +44,8 @@ def test_only_names_and_topics_have_no_default():
 def test_settings_that_cannot_be_changed_live():
     fixed = {name for kind, name in EVERY_SETTING if not specs(kind)[name][1].live}
     assert fixed == {'assume_no_loss', 'cmd_vel', 'footprints', 'frame_id', 'lock_parameters',
-                     'max_vertices', 'obstacles', 'odometry', 'radius_vertices', 'rate',
-                     'set_end', 'tf_cache_time', 'topic', 'type'}
+                     'max_vertices', 'obstacles', 'odometry', 'path', 'radius_vertices',
+                     'rate', 'set_end', 'tf_cache_time', 'topic', 'type'}
 
 
 def test_settings_are_immutable():

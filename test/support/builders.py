@@ -106,6 +106,20 @@ def command(vx, vy=0.0, omega=0.0, stamp=0, frame_id='', order='<'):
     return _ENCAPSULATIONS[order] + body
 
 
+def path(poses, stamp=0, frame_id='odom', order='<', pose_frame=''):
+    """Write a Path of x, y and yaw, or of x, y, z and a quaternion."""
+    text, pose_text = (name.encode() + b'\0' for name in (frame_id, pose_frame))
+    body = struct.pack(order + 'iII', *divmod(stamp, SECOND), len(text)) + text
+    body += bytes(-len(body) % 4) + struct.pack(order + 'I', len(poses))
+    for numbers in poses:
+        if len(numbers) < 7:
+            x, y, yaw = numbers
+            numbers = x, y, 0.0, 0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)
+        body += struct.pack(order + 'iII', 7, 8, len(pose_text)) + pose_text
+        body += bytes(-len(body) % 8) + struct.pack(order + '7d', *numbers)
+    return _ENCAPSULATIONS[order] + body
+
+
 def polygon_message(points, stamp=1000 * SECOND, frame_id='map', instance=None):
     """Build the message that `serialised` writes."""
     from geometry_msgs.msg import Point32, PolygonInstanceStamped, PolygonStamped

@@ -38,7 +38,8 @@ APART = box(5, 5)
 TOUCHING = box(1, 1)
 LASTING = {'footprint__timeout': 0.0, 'obstacle__timeout': 60.0}
 
-_KINDS_BY_END = {'separation': Float64, 'time_to_collision': Float64, 'contacts': PointCloud2}
+_KINDS_BY_END = {'separation': Float64, 'time_to_collision': Float64, 'contacts': PointCloud2,
+                 'path_contact_distance': Float64}
 _KINDS = {'~/state': DiagnosticArray, '/diagnostics': DiagnosticArray, '~/markers': MarkerArray,
           '/rosout': Log}
 

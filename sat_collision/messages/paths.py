@@ -1,0 +1,142 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""The paths that footprints are about to follow: received, placed, and checked when due."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from sat_collision.geometry.polygon import Polygon
+from sat_collision.messages.cdr import decode_path, MessageError
+from sat_collision.messages.ingest import Ingest
+from sat_collision.messages.outlines import Outlines
+from sat_collision.messages.rejections import (
+    BAD_PATH, detail_of, EMPTY_FRAME_ID, Rejection, TOO_MANY_POSES, UNDECODABLE)
+from sat_collision.messages.transform_listener import TransformListener
+from sat_collision.scene.footprints import Status
+from sat_collision.scene.frames import NoTransform
+from sat_collision.scene.parameters import outline_of
+from sat_collision.scene.path import PathCheck, Plan
+from sat_collision.scene.scene import FROM_FUTURE, Scene
+from sat_collision.scene.settings import FootprintSettings
+
+# Numbers of poses beyond this might overflow.
+_FARTHEST = 1e100
+
+
+class Paths:
+    """
+    Keeps the latest path of each footprint, and checks it.
+
+    Receiving only keeps the bytes; all else is done by `check`, which is called after flags.
+    """
+
+    def __init__(self, ingest: Ingest, scene: Scene, transforms: TransformListener,
+                 outlines: Outlines) -> None:
+        self._ingest = ingest
+        self._scene = scene
+        self._transforms = transforms
+        self._outlines = outlines
+        self._latest = {one.plan.name: _Latest(one.plan.topic)
+                        for one in scene.settings.footprints if one.plan}
+        self.names = frozenset(self._latest)
+
+    def receive(self, name: str, data: bytes) -> None:
+        """Take a serialised Path, which replaces the one before."""
+        self._latest[name] = _Latest(self._latest[name].topic, data)
+
+    def note_fault(self, name: str, fault: str) -> None:
+        """Record why no path can come, empty if one can; the last one still counts."""
+        self._latest[name].fault = fault
+
+    def clear(self) -> None:
+        """Forget all paths: the clock was set."""
+        for name, latest in self._latest.items():
+            self._latest[name] = _Latest(latest.topic)
+
+    def check(self, now: int) -> list[Rejection]:
+        """Check all paths; the scene keeps the answers."""
+        rejections: list[Rejection] = []
+        for footprint in self._scene.settings.footprints:
+            if footprint.plan:
+                latest = self._latest[footprint.plan.name]
+                if latest.data and not latest.is_read:
+                    rejections += self._read(footprint, latest, now)
+                self._scene.path_checks[footprint.name] = self._check(footprint, latest, now)
+        return rejections
+
+    def _read(self, footprint: FootprintSettings, latest: _Latest, now: int) -> list[Rejection]:
+        """Decode a path; return the Rejection if it is refused."""
+        latest.is_read = True
+        most = self._scene.settings.max_path_poses
+        try:
+            latest.stamp, latest.frame_id, poses = decode_path(latest.data, most)
+        except MessageError as error:
+            problem = UNDECODABLE, str(error)
+        else:
+            if isinstance(poses, int):
+                problem = TOO_MANY_POSES, f'{poses} poses, where max_path_poses is {most}'
+            elif not len(poses):
+                latest.problem = f'no plan, as the last path on {latest.topic} is empty'
+                return []
+            elif not (np.abs(poses) < _FARTHEST).all():
+                problem = BAD_PATH, f'a number is not finite, or beyond {_FARTHEST:g}'
+            elif not latest.frame_id:
+                problem = EMPTY_FRAME_ID, 'its header names no frame'
+            elif now and latest.stamp > now + self._scene.settings.future_tolerance * 1e9:
+                problem = FROM_FUTURE, detail_of(
+                    FROM_FUTURE, '', '', (now - latest.stamp) / 1e9, 0.0)
+            else:
+                latest.plan = Plan(poses)
+                return []
+        latest.problem = f'the last path on {latest.topic} was refused: {problem[0]}'
+        assert footprint.plan
+        return [self._ingest.reject(footprint.plan, *problem)]
+
+    def _check(self, footprint: FootprintSettings, latest: _Latest, now: int) -> PathCheck:
+        scene, name = self._scene, footprint.name
+        if scene.status(name) is Status.UNKNOWN:
+            return PathCheck(math.nan, '; '.join(scene.state(name).reasons))
+        plan = latest.plan
+        if plan is None:
+            return PathCheck(math.nan, latest.problem or '; '.join(
+                filter(None, (f'no path on {latest.topic} yet', latest.fault))))
+        if not latest.is_placed:
+            if latest.frame_id != scene.frame_id:
+                found = self._transforms.lookup_affine(latest.frame_id, latest.stamp, now, 0.0)
+                if isinstance(found, NoTransform):
+                    return PathCheck(math.nan, f'the path on {latest.topic} has no place: '
+                                               f'{found.lasting}')
+                plan.move(found.affine)
+            latest.is_placed = True
+        outline = Polygon(outline_of(footprint, scene.settings.max_vertices))
+        plan.advance(self._outlines.pose(name), float(np.hypot(*outline.vertices.T).max()))
+        try:
+            return scene.check_path(name, plan, outline)
+        except ValueError as error:
+            return PathCheck(math.nan, f'the path on {latest.topic} cannot be checked: {error}')
+
+
+class _Latest:
+    """The latest path on a topic, if any."""
+
+    def __init__(self, topic: str, data: bytes = b'') -> None:
+        self.topic = topic
+        self.data = data
+        self.is_read = False
+        self.stamp = 0
+        self.frame_id = ''
+        # What it is, unless it is empty or was refused, and whether it is in the fixed frame yet.
+        self.plan: Plan | None = None
+        self.is_placed = False
+        # Why there is none; and why no other can come.
+        self.problem = ''
+        self.fault = ''

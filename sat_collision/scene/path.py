@@ -1,0 +1,144 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""The path that a footprint is about to follow, and its first contact."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from sat_collision.geometry.polygon import Affine2D, Polygon
+from sat_collision.scene.contacts import Contacts
+from sat_collision.scene.footprints import Footprint
+from sat_collision.scene.obstacles import ObstacleId
+from sat_collision.scene.velocity import Pose
+
+
+class PathCheck(NamedTuple):
+    """Where a path first meets an obstacle, ahead of the robot."""
+
+    metres: float  # from the robot on, along the path; 0 in contact, infinity for none
+    reason: str = ''  # why it is unknown; then metres are NaN
+    pose: float = math.nan  # counted from 0 in the path received, 3.25 between 3 and 4
+    obstacle: ObstacleId | None = None
+    way: NDArray[np.float64] | None = None  # (n, 2): the path from the robot to the contact, m
+    outline: NDArray[np.float64] | None = None  # the vertices of the footprint there
+    is_by_travel: bool = False  # whether the direction of travel stands for orientations
+
+    @property
+    def text(self) -> str:
+        """The check in words."""
+        if self.reason:
+            return f'unknown: {self.reason}'
+        text = 'none' if math.isinf(self.metres) else (
+            f'{self.obstacle} at pose {self.pose:.2f}, after {self.metres:.3f} m')
+        return text + ('; by the direction of travel, as the poses have no orientations'
+                       if self.is_by_travel else '')
+
+
+class Plan:
+    """A path in its own frame, of finite poses, and how far along it the robot is."""
+
+    def __init__(self, numbers: NDArray[np.float64]) -> None:
+        """Take x, y, z and the quaternion of each pose, (k, 7)."""
+        x, y, z, w = numbers[:, 3:].T
+        self.poses = np.column_stack([numbers[:, :2], np.arctan2(
+            2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)])
+        self.is_by_travel = not numbers[:-1, 3:6].any() and self._turn_to_travel()
+        self.place = 0.0
+
+    def _turn_to_travel(self) -> bool:
+        """Let all poses but the last look to where the path goes on; return whether any turns."""
+        ways = np.diff(self.poses[:, :2], axis=0)
+        moving = np.flatnonzero(ways.any(axis=1))
+        if len(moving):
+            following = np.searchsorted(moving, np.arange(len(ways))).clip(max=len(moving) - 1)
+            x, y = ways[moving[following]].T
+            self.poses[:-1, 2] = np.arctan2(y, x)
+        return bool(self.poses[:-1, 2].any())
+
+    def move(self, affine: Affine2D) -> None:
+        """Move the path to the frame to which a map leads."""
+        a, b, x, d, e, y = affine
+        px, py, yaw = self.poses.T
+        self.poses = np.column_stack([
+            a * px + b * py + x, d * px + e * py + y, yaw + math.atan2(d, a)])
+
+    def advance(self, pose: Pose, reach: float) -> None:
+        """
+        Move the place on to where the path is nearest to the robot; it never goes back.
+
+        Angles count as ways of a point at `reach` (m). Of several parts of the path that are as
+        near, to within the reach, the first one counts.
+        """
+        first = min(int(self.place), len(self.poses) - 2)
+        if first < 0:
+            return
+        starts, steps = self.poses[first:-1], np.diff(self.poses[first:], axis=0)
+        steps[:, 2] = _wrapped(steps[:, 2])
+        off = pose - starts
+        off[:, 2] = _wrapped(off[:, 2])
+        sizes = (steps[:, :2] ** 2).sum(axis=1)
+        along = np.divide((off[:, :2] * steps[:, :2]).sum(axis=1), sizes,
+                          where=sizes > 0.0, out=np.zeros(len(steps)))
+        np.divide(off[:, 2], steps[:, 2], where=(sizes == 0.0) & (steps[:, 2] != 0.0), out=along)
+        along = along.clip(0.0, 1.0)
+        along[0] = max(along[0], self.place - first)
+        off -= along[:, None] * steps
+        gaps = np.hypot(off[:, 0], off[:, 1]) + reach * abs(_wrapped(off[:, 2]))
+        k = int(np.argmax(gaps <= gaps.min() + reach))
+        while k + 1 < len(gaps) and gaps[k + 1] <= gaps[k]:
+            k += 1
+        self.place = first + k + float(along[k])
+
+    def ahead(self) -> NDArray[np.float64]:
+        """Return the poses from the place on."""
+        k = int(self.place)
+        return np.vstack([self.at(self.place), self.poses[k + 1:]])
+
+    def at(self, place: float) -> NDArray[np.float64]:
+        """Return the pose at a place, on the arc between two poses."""
+        k = min(int(place), max(len(self.poses) - 2, 0))
+        share = place - k
+        if share == 0.0:
+            at: NDArray[np.float64] = self.poses[k]
+            return at
+        dx, dy, turn = self.poses[k + 1] - self.poses[k]
+        half = math.remainder(turn, math.tau) / 2.0
+        way = complex(dx, dy) * (share if half == 0.0 else math.sin(half * share) / math.sin(half)
+                                 * complex(math.cos(half * (share - 1.0)),
+                                           math.sin(half * (share - 1.0))))
+        return np.asarray(self.poses[k] + (way.real, way.imag, 2.0 * half * share))
+
+    def check(self, footprint: Footprint, outline: Polygon, contacts: Contacts) -> PathCheck:
+        """Check the path from the place on, for a footprint whose state is known."""
+        if footprint.contacts:
+            obstacle = min(one.name for one in footprint.contacts)
+            return PathCheck(0.0, pose=self.place, obstacle=obstacle,
+                             is_by_travel=self.is_by_travel)
+        ahead = self.ahead()
+        found = contacts.first_on_path(footprint, outline, ahead)
+        if found is None:
+            return PathCheck(math.inf, is_by_travel=self.is_by_travel)
+        body, pose, metres = found
+        k = int(self.place)
+        place = k + pose if pose >= 1.0 else self.place + pose * (k + 1 - self.place)
+        x, y, yaw = there = self.at(place)
+        c, s = math.cos(yaw), math.sin(yaw)
+        return PathCheck(
+            metres, '', place, body.name, np.vstack([ahead[:int(pose) + 1], there])[:, :2],
+            outline.vertices @ [(c, s), (-s, c)] + (x, y), self.is_by_travel)
+
+
+def _wrapped(angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return angles between -pi and pi."""
+    return np.asarray((angles + math.pi) % math.tau - math.pi)

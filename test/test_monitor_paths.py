@@ -1,0 +1,271 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Paths of footprints: received, placed, followed and checked ahead of the robot."""
+
+from dataclasses import replace
+import math
+
+from builders import box, path, SECOND
+from monitors import World
+import numpy as np
+import pytest
+from sat_collision.messages.markers import Markers
+from sat_collision.messages.states import States
+from sat_collision.messages.transform_listener import TF
+from sat_collision.scene.parameters import check_outlines, ParameterError
+from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
+
+OUTLINE = (-0.5, -0.25, 0.5, -0.25, 0.5, 0.25, -0.5, 0.25)
+ROBOT = FootprintSettings('robot', TF, points=OUTLINE, frame_id='base', rate=1000.0,
+                          path='/plan', timeout=5.0)
+MAP = ObstacleSettings('map', '/map', type='polygon_instance', timeout=0.0,
+                       set_end='empty_polygon')
+# The square from x = 5 to 6 on the x axis.
+AHEAD = box(5, -0.5)
+STRAIGHT = [(x, 0.0, 0.0) for x in np.linspace(0.0, 10.0, 21)]
+IDENTITY = 0.0, 0.0, 0.0, 0.0, 1.0
+
+
+class Follower(World):
+    """A monitor of a robot with a path among obstacles."""
+
+    def __init__(self, *polygons, settings={}, **robot):
+        super().__init__(Settings(frame_id='odom', footprints=(replace(ROBOT, **robot),),
+                                  obstacles=(MAP,), **settings))
+        self.send_map('map', *polygons)
+
+    def plan(self, poses, stamp=0, **more):
+        self.monitor.receive('robot.path', path(poses, stamp, **more), self.now, None)
+        return self.check()
+
+    def check(self):
+        """Return what is found, by the state, too."""
+        self.rejections += self.monitor.paths.check(self.now)
+        return self.scene.path_checks['robot']
+
+    @property
+    def text(self):
+        states = States('/node', self.settings)
+        states.write('robot', self.state(), 0.0)
+        states.write_moving('robot', self.scene, None, None)
+        states.write('robot', self.state(), 0.0)
+        return {one.key: one.value for one in states.statuses[0].values}['path contact']
+
+
+def at_start(*polygons, x=0.0, y=0.0, yaw=0.0, **more):
+    world = Follower(*polygons, **more)
+    world.move(0.0, x, y, yaw)
+    return world
+
+
+@pytest.mark.parametrize('order', ['<', '>'])
+def test_first_contact_ahead(order):
+    world = at_start(box(9, -0.5), AHEAD)
+    found = world.plan(STRAIGHT, order=order)
+    assert found.metres == pytest.approx(4.5, abs=1e-6)
+    assert (found.pose, str(found.obstacle)) == (pytest.approx(9.0, abs=1e-6), 'map/2')
+    assert world.text == 'map/2 at pose 9.00, after 4.500 m'
+    # It never changes the flag.
+    assert world.status() == 'clear'
+    drawn = [one for one in Markers().message(world.scene).markers if one.ns == 'robot/path']
+    places = [(point.x, point.y) for point in drawn[0].points]
+    assert max(places) == (pytest.approx(5.0, abs=1e-6), 0.25) and min(places) == (0.0, 0.0)
+
+
+def test_no_contact_and_contact():
+    world = at_start(box(5, 0.3))
+    found = world.plan(STRAIGHT)
+    assert (found.metres, world.text) == (math.inf, 'none')
+    world.move(0.1, 4.8, 0.2)
+    assert world.status() == 'collision'
+    assert (world.check().metres, str(world.check().obstacle)) == (0.0, 'map/1')
+
+
+def test_margin_counts():
+    world = at_start(box(5, 0.3), settings={'margin': 0.1})
+    assert world.plan(STRAIGHT).metres == pytest.approx(4.5 - math.sqrt(0.01 - 0.05 ** 2))
+
+
+def test_obstacles_of_other_sources_do_not_count():
+    other = replace(MAP, name='other', topic='/other')
+    world = World(Settings(frame_id='odom', obstacles=(MAP, other), footprints=(
+        replace(ROBOT, obstacles=('other',)),)))
+    world.send_map('map', AHEAD)
+    world.send_map('other', box(7, -0.5))
+    world.move(0.0, 0.0)
+    world.monitor.receive('robot.path', path(STRAIGHT), world.now, None)
+    world.monitor.paths.check(world.now)
+    assert world.scene.path_checks['robot'].metres == pytest.approx(6.5, abs=1e-6)
+
+
+def test_what_is_unknown_is_said():
+    world = Follower(AHEAD)
+    world.wait_until(1.0)
+    assert math.isnan(world.check().metres)
+    assert world.text == f'unknown: {"; ".join(world.state().reasons)}'
+    world.move(1.1, 0.0)
+    assert math.isnan(world.check().metres)
+    assert world.text == 'unknown: no path on /plan yet'
+    world.monitor.paths.note_fault('robot.path', 'it has no publisher')
+    world.check()
+    assert world.text == 'unknown: no path on /plan yet; it has no publisher'
+    assert world.plan(STRAIGHT).metres < 5.0
+    assert math.isnan(world.plan([]).metres)
+    assert world.text == 'unknown: no plan, as the last path on /plan is empty'
+    world.plan(STRAIGHT)
+    world.wait_until(7.0)
+    assert world.status() == 'unknown'
+    assert math.isnan(world.check().metres) and 'older than its timeout' in world.text
+    world.move(7.1, 0.0)
+    assert world.check().metres < 5.0
+
+
+def test_part_behind_the_robot_does_not_count():
+    world = at_start(box(1, -0.5), AHEAD, x=3.0)
+    assert world.plan(STRAIGHT).metres == pytest.approx(1.5, abs=1e-6)
+    world.move(0.1, 3.7, 0.1)
+    found = world.check()
+    assert found.metres == pytest.approx(0.8, abs=1e-6)
+    assert found.pose == pytest.approx(9.0, abs=1e-6)
+    world.move(0.2, 7.0)
+    assert world.check().metres == math.inf
+
+
+def test_two_poses_are_a_path_and_one_is():
+    world = at_start(AHEAD, x=3.0)
+    assert world.plan([(0, 0, 0), (10, 0, 0)]).metres == pytest.approx(1.5, abs=1e-6)
+    assert world.plan([(2, 0, 0)]).metres == math.inf
+    assert world.plan([(5, 0, 1)]).metres == 0.0
+
+
+def circles(turns, radius=3.0, step=64):
+    return [(radius * math.sin(angle), radius - radius * math.cos(angle), angle)
+            for angle in np.linspace(0.0, turns * math.tau, turns * step + 1)]
+
+
+def test_loops_are_told_apart_by_progress():
+    """A spiral's second turn comes to the place of the first one; the obstacle is at its end."""
+    track = [*circles(2), (4.0, 0.0, 4 * math.pi)]
+    world = at_start(box(4.2, -0.5))
+    length = 2 * math.tau * 3.0
+    assert world.plan(track).metres == pytest.approx(length + 3.7, abs=0.01)
+    for k, (x, y, yaw) in enumerate(track[:-1], 1):
+        world.move(0.01 * k, x, y, yaw)
+        metres = world.check().metres
+        assert metres == pytest.approx(length * (1 - (k - 1) / 128) + 3.7, abs=0.03), k
+    world.move(2.0, 3.0, 0.0)
+    assert world.check().metres == pytest.approx(0.7, abs=0.03)
+
+
+def test_reversing_and_turns_on_the_spot():
+    """A robot drives to a cusp and back; turns; and poses are repeated."""
+    out = [(x, 0.0, 0.0) for x in np.linspace(0.0, 3.0, 31)]
+    back = [(3.0, 0.0, 0.0)] * 2 + [(x, 0.0, 0.0) for x in np.linspace(3.0, -3.0, 61)]
+    turn = [(-3.0, 0.0, yaw) for yaw in np.linspace(0.0, math.pi / 2, 10)]
+    up = [(-3.0, y, math.pi / 2) for y in np.linspace(0.0, 5.0, 51)]
+    world = at_start(box(-3.5, 4.0))
+    assert world.plan([*out, *back, *turn, *up]).metres == pytest.approx(12.5, abs=0.01)
+    time, slack = 0.0, 1.2
+    for part, first in ((out, 0.0), (back[2:], 3.0), (turn, 9.0), (up[:30], 9.0)):
+        for k, pose in enumerate(part):
+            time += 0.01
+            world.move(time, *pose)
+            gone = first + (0.1 * k if part is not turn else 0.0)
+            # Where parts of the path are as near the first one counts, so it may be behind.
+            left = 12.5 - gone
+            assert left - 0.01 <= world.check().metres <= left + slack, (first, k)
+    world = at_start([(-0.4, -0.35)])
+    on_the_spot = [(0, 0, yaw) for yaw in np.linspace(0.0, 1.5, 16)]
+    found = world.plan([*on_the_spot, (5, 0, 1.5)])
+    assert found.metres == 0.0 and 2.0 < found.pose < 15.0
+    world.move(0.1, 0.0, 0.0, 1.5)
+    assert (world.status(), world.check().metres) == ('clear', math.inf)
+
+
+def test_orientations_of_identity_are_replaced_by_the_direction_of_travel():
+    """A long robot goes round a corner between posts that it would hit if it did not turn."""
+    corner = [(x, 0.0) for x in np.linspace(0.0, 3.0, 31)] + [
+        (3.0, y) for y in np.linspace(0.1, 3.0, 30)]
+    posts = [(3.4, 2.0)], [(2.6, 2.0)]
+    world = at_start(*posts)
+    poses = [(*at, *IDENTITY) for at in corner]
+    goal = (3.0, 3.0, 0.0, 0.0, 0.0, math.sin(math.pi / 4), math.cos(math.pi / 4))
+    found = world.plan([*poses[:-1], goal])
+    assert found.metres == math.inf and found.is_by_travel
+    assert world.text == 'none; by the direction of travel, as the poses have no orientations'
+    # With orientations those count.
+    given = [(*at, 0.0, 0.0, 0.0, math.sin(1e-6), 1.0) for at in corner]
+    found = world.plan(given)
+    assert 4.0 < found.metres < 5.0 and not found.is_by_travel
+
+
+def test_path_in_another_frame_waits_for_its_transform():
+    world = at_start(AHEAD)
+    assert math.isnan(world.plan(STRAIGHT, stamp=world.now, frame_id='map').metres)
+    assert 'the path on /plan has no place: ' in world.text
+    stamp = world.now
+    world.receive_transforms(TF, ('map', 'odom', stamp, 0.0, 1.0, 0.0))
+    assert world.check().metres == math.inf
+    world.receive_transforms(TF, ('map', 'odom', stamp + 1, 1.0, 0.0, 0.0))
+    # It stays where it was at its stamp, until the next one comes.
+    assert world.check().metres == math.inf
+    world.move(0.1, 0.0)
+    world.receive_transforms(TF, ('map', 'odom', world.now, 0.0, 0.0, math.pi / 2))
+    turned = [(-y, x, yaw + math.pi / 2) for x, y, yaw in STRAIGHT]
+    assert world.plan(turned, stamp=world.now, frame_id='map').metres == pytest.approx(4.5)
+
+
+@pytest.mark.parametrize(('poses', 'more', 'reason'), [
+    ([(0, 0, 0)] * 31, {}, 'too many poses'),
+    ([(0, math.nan, 0)], {}, 'no coordinates of a path'),
+    ([(0, 0, 0, 0, math.inf, 0, 1)], {}, 'no coordinates of a path'),
+    ([(0, 0, 0), (1e101, 0, 0)], {}, 'no coordinates of a path'),
+    (STRAIGHT, {'frame_id': ''}, 'empty frame_id'),
+    (STRAIGHT, {'pose_frame': 'map'}, 'undecodable'),
+    (STRAIGHT, {'stamp': 2000 * SECOND}, 'from the future')])
+def test_refused_paths(poses, more, reason):
+    """The next good one counts."""
+    world = at_start(AHEAD, settings={'max_path_poses': 30})
+    world.plan(STRAIGHT)
+    assert math.isnan(world.plan(poses, **more).metres)
+    assert world.text == f'unknown: the last path on /plan was refused: {reason}'
+    assert world.reasons == [reason] and world.rejections[0].text
+    assert world.status() == 'clear'
+    assert world.plan(STRAIGHT).metres < 5.0
+    assert world.reasons == [reason]
+
+
+def test_damaged_paths_are_refused():
+    world = at_start(AHEAD)
+    data = path(STRAIGHT)
+    for size in range(0, len(data), 5):
+        world.monitor.receive('robot.path', data[:size], world.now, None)
+        if size:
+            assert math.isnan(world.check().metres)
+    assert set(world.reasons) == {'undecodable'}
+
+
+def test_outline_that_is_lost_in_rounding_is_unknown():
+    corner = 0.0, 0.0, 2.0, 0.0, 2.0, 0.5, 0.5, 0.5, 0.5, 2.0, 0.0, 2.0
+    world = at_start(AHEAD, points=corner)
+    found = world.plan([(4e15, 1e16, 0.5)])
+    assert math.isnan(found.metres) and 'cannot be checked' in world.text
+
+
+def test_clock_that_is_set_forgets_the_path():
+    world = at_start(AHEAD)
+    world.plan(STRAIGHT)
+    world.move(-100.0, 0.0)
+    assert math.isnan(world.check().metres)
+
+
+def test_a_footprint_without_outline_has_no_path():
+    with pytest.raises(ParameterError, match='robot.path: a path moves the frame'):
+        check_outlines(Settings((FootprintSettings('robot', '/f', path='/plan'),), (MAP,)))

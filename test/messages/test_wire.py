@@ -18,10 +18,11 @@ import tracemalloc
 from typing import Callable, NamedTuple
 
 from builders import (
-    box, collection, command, odometry, polygon_2d, polygon_message, SECOND, serialised, transforms)
+    box, collection, command, odometry, polygon_2d, polygon_message, SECOND, serialised,
+    transforms)
+from monitors import START
 import numpy as np
 import pytest
-from monitors import START
 from recordings import TYPES
 from sat_collision.messages.cdr import (
     decode, decode_collection, decode_command, decode_odometry, decode_polygon_2d,

@@ -37,4 +37,9 @@ def unexpected(error: BaseException) -> str:
 
 def in_one_line(error: BaseException) -> str:
     """Return an exception's message in one line, or its type if it has none."""
-    return ' '.join(str(error).split()) or type(error).__name__
+    return printable(' '.join(str(error).split())) or type(error).__name__
+
+
+def printable(text: str) -> str:
+    """Return a text without control characters: names in a recording may have any."""
+    return ''.join(one if one.isprintable() or one == '\n' else '?' for one in text)

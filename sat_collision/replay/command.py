@@ -28,7 +28,7 @@ import signal
 import sys
 import traceback
 
-from sat_collision.extras import in_one_line, missing, unexpected
+from sat_collision.extras import in_one_line, missing, printable, unexpected
 from sat_collision.replay.arguments import parse
 from sat_collision.replay.bag.storage import check_bag_writer
 from sat_collision.replay.model.configuration import (
@@ -303,7 +303,7 @@ def failed(path: str, options: Options, error: BaseException, attempts: int = 1)
 def _say(lines: Iterable[str]) -> None:
     """Print lines as far as can be encoded; ignore a reader that has gone, such as `head`."""
     encoding = sys.stdout.encoding or 'utf-8'
-    text = '\n'.join(lines).encode(encoding, 'backslashreplace').decode(encoding)
+    text = printable('\n'.join(lines)).encode(encoding, 'backslashreplace').decode(encoding)
     try:
         print(text, flush=True)
     except BrokenPipeError:

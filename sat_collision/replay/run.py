@@ -225,11 +225,16 @@ class _Run:
             self._begin(start)
         now, monitor = self._now, self._monitor
         footprints = {one.name for one in self._settings.footprints}
-        if self._options.start and TF_STATIC in self._transforms:
-            # Static transforms from before the start would be received as latched messages.
-            for topic, _, messages in self._recording.rows([TF_STATIC], None, start):
-                for data in messages:
+        if self._options.start:
+            # A publisher that keeps its messages would send those of before the start as well.
+            kept = {TF_STATIC} & {*self._transforms} | (
+                set() if by_header else self._recording.latched & names.keys())
+            for topic, _, messages in self._recording.rows(kept, None, start):
+                number = numbers.pop(topic, None)
+                for data in messages if topic == TF_STATIC else ():
                     self._keep(monitor.receive_transforms(topic, data, now))
+                for name in names[topic]:
+                    self._receive(name, messages, now, number)
         for topic, time, batch in runs:
             if by_header and time and topic in self._latest:
                 self._check_clock(topic, time)

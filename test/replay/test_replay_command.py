@@ -325,3 +325,16 @@ def test_verdicts_have_colours_on_a_terminal_only(bags):
     for plain in (on_terminal(*given, NO_COLOR='1'), on_terminal(*given, TERM='dumb'),
                   run(*given).stdout):
         assert '\033' not in plain and 'collision: COLLISION' in plain
+
+
+@pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
+def test_names_of_a_recording_do_not_control_the_terminal(tmp_path, capfd, storage):
+    """Neither in what was found nor in an error."""
+    name = '/obstacles\x1b[2J\x07'
+    bag = write(tmp_path / 'bag', [(name if topic == '/obstacles' else topic, time, points)
+                                   for topic, time, points in drive()], storage)
+    for arguments in ([], ['--obstacles', name]):
+        main([str(bag), *arguments], set_end=None)
+        out, err = capfd.readouterr()
+        assert '\x1b' not in out + err and '\x07' not in out + err
+        assert 'obstacles?[2J?' in out + err

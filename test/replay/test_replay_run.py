@@ -238,6 +238,17 @@ def test_map_recorded_once_must_be_latched(tmp_path, storage, latched, verdict):
 
 
 @pytest.mark.parametrize('as_live', [False, True])
+@pytest.mark.parametrize('wall, verdict', [(0.5, Verdict.COLLISION), (3, Verdict.CLEAR)])
+def test_latched_map_of_before_the_start_counts(tmp_path, as_live, wall, verdict):
+    """As its publisher would send it to a monitor that starts then."""
+    messages = [('/obstacles', 0.0, serialised(points, 0)) for points in (box(5), box(wall), [])]
+    messages += [('/footprint', k / 10, box(0)) for k in range(50)]
+    bag = write(tmp_path / 'bag', messages, latched=['/obstacles'])
+    result = check(bag, Options(as_live=as_live, start=2.0, parameters={f'{SOURCE}.timeout': 0.0}))
+    assert (result.verdict, result.unknown) == (verdict, [])
+
+
+@pytest.mark.parametrize('as_live', [False, True])
 def test_header_clock_starts_with_the_first_stamp(tmp_path, as_live):
     """A map without a stamp that comes before does not make the time since 1970 unknown."""
     messages = [('/obstacles', 0.0, serialised(points, 0)) for points in (box(3), [])]

@@ -177,6 +177,8 @@ class Recording(Storage):
                 plain, damage = self._scratch.unpack(file)
                 if damage:
                     faults.damaged(in_one_line(damage))
+            if not plain.is_file():
+                raise Damage('not a file')
             with plain.open('rb') as opened:
                 ros_1 = opened.read(len(_ROS_1)) == _ROS_1
         except (Damage, OSError) as error:
@@ -231,16 +233,27 @@ class Metadata(NamedTuple):
     packed: bool  # whether files or messages are compressed one by one
 
 
+class _Loader(yaml.SafeLoader):
+    """Refuses merge keys, by which some lines would fill all memory."""
+
+    def flatten_mapping(self, node: Any) -> None:
+        """Leave them as they are: no constructor knows them."""
+
+
 def read_metadata(path: Path, max_bytes: int) -> Metadata:
     """Read metadata.yaml; raise Damage if it is not valid, or larger than a number of bytes."""
     if path.stat().st_size > max_bytes:
         raise Damage(f'more than {max_bytes} bytes')
+    if not path.is_file():
+        raise Damage('not a file')
     try:
-        content = yaml.safe_load(path.read_text(encoding='utf-8'))
+        content = yaml.load(path.read_text(encoding='utf-8'), _Loader)
     except Exception as error:  # whatever the constructors of YAML's types raise
         raise Damage(f'is not YAML: {in_one_line(error)}') from error
     information = _entry(content, 'rosbag2_bagfile_information', dict)
-    files = [Path(str(name)).name for name in _entry(information, 'relative_file_paths', list)]
+    files = _entry(information, 'relative_file_paths', list)
+    if not all(isinstance(name, str) for name in files):
+        raise Damage("has 'relative_file_paths' that are no texts")
     counts: dict[str, int] = {}
     latched = set()
     for topic in _entry(information, 'topics_with_message_count', list):
@@ -249,7 +262,8 @@ def read_metadata(path: Path, max_bytes: int) -> Metadata:
         counts[name] = counts.get(name, 0) + _entry(topic, 'message_count', int)
         if _is_latched(described.get('offered_qos_profiles')):
             latched.add(name)
-    return Metadata(files, counts, _entry(information, 'message_count', int), latched,
+    return Metadata([Path(name).name for name in files], counts,
+                    _entry(information, 'message_count', int), latched,
                     bool(information.get('compression_mode')))
 
 
@@ -257,7 +271,7 @@ def _is_latched(profiles: Any) -> bool:
     """Return whether one of the QoS profiles, a list or its YAML text, is transient local."""
     if isinstance(profiles, str):
         try:
-            profiles = yaml.safe_load(profiles)
+            profiles = yaml.load(profiles, _Loader)
         except Exception:  # as in read_metadata
             return False
     return isinstance(profiles, list) and any(
@@ -267,7 +281,7 @@ def _is_latched(profiles: Any) -> bool:
 
 def _entry(content: Any, key: str, kind: type) -> Any:
     value = content.get(key) if isinstance(content, dict) else None
-    if type(value) is not kind:
+    if type(value) is not kind or isinstance(value, int) and not 0 <= value < 2**63:
         raise Damage(f"has no '{key}' of the right type where it belongs")
     return value
 

@@ -76,7 +76,8 @@ def _views(result: Result) -> Sequence[_View | None]:
 
 def write_picture(result: Result, path: str) -> None:
     """Write the picture of a result; the same result gives the same bytes."""
-    with rc_context({'svg.hashsalt': 'sat_collision'}):
+    # Names may have dollar signs, which mark no formulas.
+    with rc_context({'svg.hashsalt': 'sat_collision', 'text.parse_math': False}):
         draw_picture(result).savefig(path, metadata=_UNDATED.get(Path(path).suffix.lower()))
 
 

@@ -11,7 +11,9 @@
 
 from importlib.machinery import ModuleSpec
 import json
+import os
 from pathlib import Path
+import re
 import shutil
 import struct
 import sys
@@ -25,6 +27,7 @@ from sat_collision.replay.bag import storage as storages
 from sat_collision.replay.model.result import Options, Verdict
 from storages import (
     channel, CHUNK, mcap_of, MESSAGE, message, record, schema, storage_file, text)
+import yaml
 
 ALL = 3 * 101
 
@@ -352,3 +355,53 @@ def test_bag_is_written_by_rosbag2(tmp_path):
             messages.append([(connection.topic, connection.msgtype, time, bytes(data))
                              for connection, time, data in reader.messages()])
     assert messages[0] == messages[1]
+
+
+def merges(levels, times):
+    """Return lines of YAML in which each merges the one before it many times."""
+    return '\n'.join(['l0: &l0 {a: 1}'] + [
+        f'l{k}: &l{k} {{<<: [{", ".join(times * [f"*l{k - 1}"])}]}}' for k in range(1, levels)])
+
+
+@pytest.mark.parametrize('lines', (merges(2, 1), merges(9, 50)))
+def test_merge_keys_of_metadata_are_not_followed(tmp_path, lines):
+    """With nested ones some lines would fill all memory."""
+    bag = write(tmp_path / 'bag', drive())
+    metadata = bag / 'metadata.yaml'
+    metadata.write_text(f'{lines}\n{metadata.read_text()}')
+    result = check(bag)
+    problem, = result.problems
+    assert 'is not YAML' in problem and result.messages == ALL
+
+
+@pytest.mark.parametrize('number', ('9' * 4000, '-1', '1.5'))
+def test_impossible_counts_of_metadata_are_damage(tmp_path, number):
+    bag = write(tmp_path / 'bag', drive())
+    metadata = bag / 'metadata.yaml'
+    metadata.write_text(re.sub(r'message_count: \d+', f'message_count: {number}',
+                               metadata.read_text()))
+    result = check(bag)
+    problem, = result.problems
+    assert 'message_count' in problem and result.messages == ALL
+
+
+def test_files_of_metadata_that_are_no_texts_are_damage(tmp_path):
+    """Nested references would be written out by their names."""
+    bag = write(tmp_path / 'bag', drive())
+    metadata = bag / 'metadata.yaml'
+    content = yaml.safe_load(metadata.read_text())
+    content['rosbag2_bagfile_information']['relative_file_paths'] = [['bag_0.mcap']]
+    metadata.write_text(yaml.safe_dump(content))
+    problem, = check(bag).problems
+    assert 'relative_file_paths' in problem
+
+
+@pytest.mark.parametrize('name', ('metadata.yaml', 'more.mcap', ''))
+def test_pipe_in_place_of_a_file_is_damage(tmp_path, name):
+    """Nothing waits for somebody to write into it."""
+    bag = tmp_path / 'bag.mcap'
+    if name:
+        bag = storage_file(write(tmp_path / 'bag', drive())).parent
+        (bag / 'metadata.yaml').unlink()
+    os.mkfifo(bag / name)
+    assert any('not a file' in problem for problem in check(bag).problems)

@@ -9,6 +9,7 @@
 
 """Bags and pictures written by a replay."""
 
+from dataclasses import replace
 import functools
 from itertools import combinations
 import math
@@ -265,6 +266,16 @@ def test_picture_of_the_same_result_is_the_same_file(tmp_path, monkeypatch, endi
         write_picture(of_warehouse(), str(path))
         pictures.add(path.read_bytes())
     assert len(pictures) == 1
+
+
+def test_dollars_in_a_name_are_no_formula(tmp_path):
+    """Neither one that can be drawn nor one that cannot."""
+    drawn = []
+    for name in ('a$^$b', 'a$x$b', 'axb'):
+        path = tmp_path / 'a.svg'
+        write_picture(replace(of_warehouse(), bag=name), str(path))
+        drawn.append(path.read_bytes())
+    assert len({*drawn}) == 3
 
 
 def test_texts_of_a_picture():

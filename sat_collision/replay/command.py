@@ -186,10 +186,10 @@ def _check_all(arguments: argparse.Namespace, options: Options) -> list[Result]:
                 Path(plot).mkdir(parents=True, exist_ok=True)
                 path = str(Path(plot, f'{Path(result.bag).stem}.png'))
             _draw([result], path, arguments.debug)
-        _say(with_colour(report(result), result.verdict, sys.stdout))
+        _say(report(result), result.verdict)
         results.append(result)
     if several:
-        _say(with_colour(report_all(results), overall(results), sys.stdout))
+        _say(report_all(results), overall(results))
     if one_page:
         _draw(results, plot, arguments.debug)
     return results
@@ -300,10 +300,13 @@ def failed(path: str, options: Options, error: BaseException, attempts: int = 1)
                   problems=[f'{path}: not checked{tried}: {unexpected(error)}'])
 
 
-def _say(lines: Iterable[str]) -> None:
+def _say(lines: Iterable[str], verdict: Verdict | None = None) -> None:
     """Print lines as far as can be encoded; ignore a reader that has gone, such as `head`."""
+    lines = [*map(printable, lines)]
+    if verdict is not None:
+        lines = with_colour(lines, verdict, sys.stdout)
     encoding = sys.stdout.encoding or 'utf-8'
-    text = printable('\n'.join(lines)).encode(encoding, 'backslashreplace').decode(encoding)
+    text = '\n'.join(lines).encode(encoding, 'backslashreplace').decode(encoding)
     try:
         print(text, flush=True)
     except BrokenPipeError:

@@ -93,6 +93,14 @@ def test_margin_counts():
     assert world.plan(STRAIGHT).metres == pytest.approx(4.5 - math.sqrt(0.01 - 0.05 ** 2))
 
 
+def test_changed_outline_counts():
+    world = at_start(box(5, 0.3))
+    assert world.plan(STRAIGHT).metres == math.inf
+    world.use(points=(-0.5, -0.5, 0.5, -0.5, 0.5, 0.5, -0.5, 0.5))
+    world.move(0.1, 0.0)
+    assert world.check().metres == pytest.approx(4.5, abs=1e-6)
+
+
 def test_obstacles_of_other_sources_do_not_count():
     other = replace(MAP, name='other', topic='/other')
     world = World(Settings(frame_id='odom', obstacles=(MAP, other), footprints=(

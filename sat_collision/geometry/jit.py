@@ -27,7 +27,6 @@ from numpy.typing import NDArray
 from sat_collision.geometry.compilation import (
     digest_of, is_plain_python_chosen, report_problem)
 
-
 # Whether kernels are kept and linked by `kernel_cache`, not by numba itself.
 HAS_OWN_CACHE = False
 

@@ -28,6 +28,7 @@ from sat_collision.geometry.floating_point import require_nearest
 from sat_collision.geometry.jit import indexable, inner, kernel, scratch, scratch_integers
 from sat_collision.geometry.layout import packed_polygon, rows_of
 from sat_collision.geometry.moving import MovingBody, parts_about
+from sat_collision.geometry.packing import PAIR
 from sat_collision.geometry.plane import length
 from sat_collision.geometry.polygon import as_polygon, BodyLike, Polygon
 from sat_collision.geometry.polygon_set import ascending, PolygonSet, rows_within
@@ -163,8 +164,9 @@ def _placed(polygon: Polygon, pose: NDArray[np.float64]) -> Polygon:
     """Return a body placed at a pose."""
     x, y, yaw = pose.tolist()
     c, s = math.cos(yaw), math.sin(yaw)
-    return Polygon([(a * c - b * s + x, a * s + b * c + y)
-                    for a, b in polygon.vertices.tolist()])
+    count = len(polygon.vertices)
+    return Polygon._of_bytes((polygon.vertices.tobytes(), 0, count, PAIR), count, count,
+                             (c, -s, x, s, c, y))
 
 
 @kernel

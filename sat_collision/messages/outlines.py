@@ -17,7 +17,7 @@ from functools import partial
 import struct
 
 from sat_collision.geometry.packing import TRIPLE
-from sat_collision.geometry.polygon import Affine2D, Points, UNMOVED
+from sat_collision.geometry.polygon import Affine2D, Points, Polygon, UNMOVED
 from sat_collision.messages.cdr import (
     decode_command, decode_odometry, decode_twist, header_stamp, MessageError)
 from sat_collision.messages.ingest import Ingest
@@ -105,6 +105,10 @@ class Outlines:
     def pose(self, name: str) -> Pose:
         """Return x, y and yaw of the frame of an outline that is placed."""
         return pose_of(self._outlines[name].affine)
+
+    def polygon(self, name: str) -> Polygon:
+        """Return an outline in its own frame."""
+        return self._outlines[name].polygon
 
     @property
     def deadline(self) -> float:
@@ -219,6 +223,7 @@ class _PlacedOutline:
         outline = outline_of(footprint, max_vertices)
         if outline != self._outline or not footprint.enabled:
             self._outline = outline
+            self.polygon = Polygon(outline, max_vertices)
             self.points: Points = (b''.join(struct.pack('=3f', x, y, 0.0) for x, y in outline), 0,
                                    len(outline), TRIPLE)
             self.forget()

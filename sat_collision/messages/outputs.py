@@ -98,7 +98,7 @@ class Outputs:
             for name in self._flags}
         self._paths = {
             one.name: node.create_publisher(Float64, f'~/{one.name}/path_contact_distance', 10)
-            for one in settings.footprints if one.plan}
+            for one in settings.footprints if one.path}
         self._clouds = {
             name: node.create_publisher(PointCloud2, f'~/{name}/contacts', 10)
             for name in self._flags}

@@ -14,7 +14,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from sat_collision.geometry.polygon import Polygon
 from sat_collision.messages.cdr import decode_path, MessageError
 from sat_collision.messages.ingest import Ingest
 from sat_collision.messages.outlines import Outlines
@@ -23,10 +22,9 @@ from sat_collision.messages.rejections import (
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.scene.footprints import Status
 from sat_collision.scene.frames import NoTransform
-from sat_collision.scene.parameters import outline_of
-from sat_collision.scene.path import PathCheck, Plan
+from sat_collision.scene.path import FollowedPath, PathCheck
 from sat_collision.scene.scene import FROM_FUTURE, Scene
-from sat_collision.scene.settings import FootprintSettings
+from sat_collision.scene.settings import FootprintSettings, PathSettings
 
 # Numbers of poses beyond this might overflow.
 _FARTHEST = 1e100
@@ -45,8 +43,8 @@ class Paths:
         self._scene = scene
         self._transforms = transforms
         self._outlines = outlines
-        self._latest = {one.plan.name: _Latest(one.plan.topic)
-                        for one in scene.settings.footprints if one.plan}
+        self._latest = {path.name: _Latest(path.topic) for one in scene.settings.footprints
+                        if (path := one.path_settings)}
         self.names = frozenset(self._latest)
 
     def receive(self, name: str, data: bytes) -> None:
@@ -66,16 +64,15 @@ class Paths:
         """Check all paths; the scene keeps the answers."""
         rejections: list[Rejection] = []
         for footprint in self._scene.settings.footprints:
-            if footprint.plan:
-                latest = self._latest[footprint.plan.name]
-                if latest.data and not latest.is_read:
-                    rejections += self._read(footprint, latest, now)
+            if settings := footprint.path_settings:
+                latest = self._latest[settings.name]
+                if latest.data and not (latest.path or latest.problem):
+                    rejections += self._read(settings, latest, now)
                 self._scene.path_checks[footprint.name] = self._check(footprint, latest, now)
         return rejections
 
-    def _read(self, footprint: FootprintSettings, latest: _Latest, now: int) -> list[Rejection]:
+    def _read(self, settings: PathSettings, latest: _Latest, now: int) -> list[Rejection]:
         """Decode a path; return the Rejection if it is refused."""
-        latest.is_read = True
         most = self._scene.settings.max_path_poses
         try:
             latest.stamp, latest.frame_id, poses = decode_path(latest.data, most)
@@ -95,32 +92,30 @@ class Paths:
                 problem = FROM_FUTURE, detail_of(
                     FROM_FUTURE, '', '', (now - latest.stamp) / 1e9, 0.0)
             else:
-                latest.plan = Plan(poses)
+                latest.path = FollowedPath(poses)
                 return []
         latest.problem = f'the last path on {latest.topic} was refused: {problem[0]}'
-        assert footprint.plan
-        return [self._ingest.reject(footprint.plan, *problem)]
+        return [self._ingest.reject(settings, *problem)]
 
     def _check(self, footprint: FootprintSettings, latest: _Latest, now: int) -> PathCheck:
         scene, name = self._scene, footprint.name
         if scene.status(name) is Status.UNKNOWN:
             return PathCheck(math.nan, '; '.join(scene.state(name).reasons))
-        plan = latest.plan
-        if plan is None:
+        path = latest.path
+        if path is None:
             return PathCheck(math.nan, latest.problem or '; '.join(
                 filter(None, (f'no path on {latest.topic} yet', latest.fault))))
-        if not latest.is_placed:
-            if latest.frame_id != scene.frame_id:
-                found = self._transforms.lookup_affine(latest.frame_id, latest.stamp, now, 0.0)
-                if isinstance(found, NoTransform):
-                    return PathCheck(math.nan, f'the path on {latest.topic} has no place: '
-                                               f'{found.lasting}')
-                plan.move(found.affine)
-            latest.is_placed = True
-        outline = Polygon(outline_of(footprint, scene.settings.max_vertices))
-        plan.advance(self._outlines.pose(name), float(np.hypot(*outline.vertices.T).max()))
+        if latest.frame_id != scene.frame_id:
+            found = self._transforms.lookup_affine(latest.frame_id, latest.stamp, now, 0.0)
+            if isinstance(found, NoTransform):
+                return PathCheck(math.nan, f'the path on {latest.topic} has no place: '
+                                           f'{found.lasting}')
+            path.move(found.affine)
+            latest.frame_id = scene.frame_id
+        outline = self._outlines.polygon(name)
+        path.advance(self._outlines.pose(name), float(np.hypot(*outline.vertices.T).max()))
         try:
-            return scene.check_path(name, plan, outline)
+            return scene.check_path(name, path, outline)
         except ValueError as error:
             return PathCheck(math.nan, f'the path on {latest.topic} cannot be checked: {error}')
 
@@ -131,12 +126,11 @@ class _Latest:
     def __init__(self, topic: str, data: bytes = b'') -> None:
         self.topic = topic
         self.data = data
-        self.is_read = False
         self.stamp = 0
+        # The frame that it is in: as sent, until it is moved to the fixed one.
         self.frame_id = ''
-        # What it is, unless it is empty or was refused, and whether it is in the fixed frame yet.
-        self.plan: Plan | None = None
-        self.is_placed = False
+        # What it is, unless it is empty or was refused.
+        self.path: FollowedPath | None = None
         # Why there is none; and why no other can come.
         self.problem = ''
         self.fault = ''

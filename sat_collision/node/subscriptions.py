@@ -174,57 +174,6 @@ class Subscriptions:
                                  max(event.not_alive_count_change, 0))
 
 
-class PathSubscriptions:
-    """
-    Subscribes to paths with the best QoS that their publishers offer, once there are any.
-
-    Where others have come in place of all of them, it subscribes anew. `inputs` is kept up to
-    date.
-    """
-
-    def __init__(self, node: Node, settings: Settings, group: CallbackGroup,
-                 inputs: list[Input]) -> None:
-        self._node = node
-        self._group = group
-        self._inputs = inputs
-        self._plans = [one.plan for one in settings.footprints if one.plan]
-        # By name, and the publishers that there were then.
-        self._subscribed: dict[str, tuple[Input, set[tuple[int, ...]]]] = {}
-
-    def follow(self) -> Iterator[tuple[str, str]]:
-        """Subscribe where that is due; yield each name and why no path can come, empty if not."""
-        for plan in self._plans:
-            # The settings have the remapped name, which must not be remapped again.
-            topic = self._node.get_parameter(plan.name).value
-            found = self._node.get_publishers_info_by_topic(topic)
-            publishers = {tuple(one.endpoint_gid) for one in found
-                          if one.topic_type == _PATH_TYPE}
-            one, before = self._subscribed.get(plan.name, (None, set()))
-            if publishers and one and not publishers & before:
-                # It exists until the loop renews its wait set: the next one is for the next call.
-                del self._subscribed[plan.name]
-                self._inputs.remove(one)
-                self._node.destroy_subscription(one.subscription)
-            elif publishers and not one:
-                try:
-                    self._subscribe(plan, topic, publishers)
-                except RuntimeError as error:  # this process has a subscription of another type
-                    yield plan.name, str(error)
-                    continue
-            others = ', '.join(sorted({info.topic_type for info in found}))
-            yield plan.name, ('' if publishers else f'it is published as {others}' if others
-                              else 'it has no publisher')
-
-    def _subscribe(self, plan: PathSettings, topic: str,
-                   publishers: set[tuple[int, ...]]) -> None:
-        from nav_msgs.msg import Path
-        one = Input(plan.name, self._node.create_subscription(
-            Path, topic, unused, _PATH_QOS, raw=True, callback_group=self._group))
-        self._subscribed[plan.name] = one, publishers
-        self._inputs.append(one)
-        self._node.get_logger().info(f'{plan.name}: Path on {plan.topic}')
-
-
 def _kind(settings: FootprintSettings | ObstacleSettings) -> type:
     """Return the class of the messages of an input; ParameterError if it is not installed."""
     if settings.type == POLYGON_INSTANCE:
@@ -267,21 +216,87 @@ def subscribe_transforms(node: Node, kind: type, group: CallbackGroup) -> list[I
         topic=topic) for topic, durability in _DURABILITIES.items()]
 
 
-class CommandSubscriptions:
+class _LateSubscriptions:
     """
-    Subscribes to commands once the type in which they are published is known.
+    Subscriptions that are made once there is a publisher; `inputs` is kept up to date.
 
-    A participant cannot subscribe to one topic with two types, and a subscription in the loop's
-    wait set exists until the loop renews the set. So when the published type changes, `follow`
-    destroys the subscription, and creates the next one when it is called again. `inputs` is
-    kept up to date.
+    One in the loop's wait set exists until the loop renews the set, so another one on its topic
+    can be made only at the next look at the publishers.
+    """
+
+    def __init__(self, node: Node, group: CallbackGroup, inputs: list[Input]) -> None:
+        self._node = node
+        self._group = group
+        self._inputs = inputs
+
+    def _topic(self, name: str) -> str:
+        # The settings have the remapped name, which must not be remapped again.
+        return str(self._node.get_parameter(name).value)
+
+    def _subscribe(self, settings: CommandSettings | PathSettings, kind: type,
+                   qos: QoSProfile) -> Input:
+        """Subscribe; RuntimeError if this process has a subscription of another type."""
+        one = Input(settings.name, self._node.create_subscription(
+            kind, self._topic(settings.name), unused, qos, raw=True, callback_group=self._group))
+        self._inputs.append(one)
+        self._node.get_logger().info(f'{settings.name}: {kind.__name__} on {settings.topic}')
+        return one
+
+    def _unsubscribe(self, one: Input) -> None:
+        self._inputs.remove(one)
+        self._node.destroy_subscription(one.subscription)
+
+
+class PathSubscriptions(_LateSubscriptions):
+    """
+    Subscribes to paths with the best QoS that their publishers offer, once there are any.
+
+    Where others have come in place of all of them, it subscribes anew.
     """
 
     def __init__(self, node: Node, settings: Settings, group: CallbackGroup,
                  inputs: list[Input]) -> None:
-        self._node = node
-        self._group = group
-        self._inputs = inputs
+        super().__init__(node, group, inputs)
+        self._paths = [path for one in settings.footprints if (path := one.path_settings)]
+        # By name, and the publishers that there were then.
+        self._subscribed: dict[str, tuple[Input, set[tuple[int, ...]]]] = {}
+
+    def follow(self) -> Iterator[tuple[str, str]]:
+        """Subscribe where that is due; yield each name and why no path can come, empty if not."""
+        for settings in self._paths:
+            yield settings.name, self._follow(settings)
+
+    def _follow(self, settings: PathSettings) -> str:
+        found = self._node.get_publishers_info_by_topic(self._topic(settings.name))
+        publishers = {tuple(one.endpoint_gid) for one in found if one.topic_type == _PATH_TYPE}
+        if not publishers:
+            others = ', '.join(sorted({one.topic_type for one in found}))
+            return f'it is published as {others}' if others else 'it has no publisher'
+        one, before = self._subscribed.get(settings.name, (None, set()))
+        if one and publishers.isdisjoint(before):
+            del self._subscribed[settings.name]
+            self._unsubscribe(one)
+        elif not one:
+            from nav_msgs.msg import Path
+            try:
+                self._subscribed[settings.name] = (
+                    self._subscribe(settings, Path, _PATH_QOS), publishers)
+            except RuntimeError as error:
+                return str(error)
+        return ''
+
+
+class CommandSubscriptions(_LateSubscriptions):
+    """
+    Subscribes to commands once the type in which they are published is known.
+
+    A participant cannot subscribe to one topic with two types. So when the published type changes,
+    `follow` destroys the subscription, and creates the next one when it is called again.
+    """
+
+    def __init__(self, node: Node, settings: Settings, group: CallbackGroup,
+                 inputs: list[Input]) -> None:
+        super().__init__(node, group, inputs)
         self._commands = {one.name: one.command for one in settings.footprints if one.command}
         self._subscribed: dict[str, Input] = {}
         self._faults: dict[str, str] = {}
@@ -304,9 +319,8 @@ class CommandSubscriptions:
             yield footprint, fault
 
     def _follow(self, command: CommandSettings, one: Input | None) -> str:
-        # The settings have the remapped name, which must not be remapped again.
-        topic = self._node.get_parameter(command.name).value
-        published = {info.topic_type for info in self._node.get_publishers_info_by_topic(topic)}
+        published = {info.topic_type for info in self._node.get_publishers_info_by_topic(
+            self._topic(command.name))}
         types = published & _COMMAND_TYPES.keys()
         if not types:
             return (f'{command.topic} is published as {", ".join(sorted(published))}, but a '
@@ -315,18 +329,13 @@ class CommandSubscriptions:
         if one and one.subscription.msg_type not in map(_COMMAND_TYPES.get, types):
             del self._subscribed[command.name]
             self.without_stamps.discard(command.name)
-            self._inputs.remove(one)
-            self._node.destroy_subscription(one.subscription)
+            self._unsubscribe(one)
         elif not one:
             kind = _COMMAND_TYPES[min(types)]
             try:
-                subscription = self._node.create_subscription(
-                    kind, topic, unused, _COMMAND_QOS, raw=True, callback_group=self._group)
-            except RuntimeError as error:  # this process has a subscription of another type
+                self._subscribed[command.name] = self._subscribe(command, kind, _COMMAND_QOS)
+            except RuntimeError as error:
                 return f'{command.topic}: {error}'
-            one = self._subscribed[command.name] = Input(command.name, subscription)
-            self._inputs.append(one)
             if kind is Twist:
                 self.without_stamps.add(command.name)
-            self._node.get_logger().info(f'{command.name}: {kind.__name__} on {command.topic}')
         return ''

@@ -98,7 +98,7 @@ def main() -> int:
     prepare(say)
     mark = _mark()
     if mark is None:
-        print('nothing is compiled here, so there is nothing to keep')
+        print('nothing is kept here: kernels are not compiled, or numba itself keeps them')
     elif mark.exists():
         print(f'kept in {mark.parent}, for this Python and this kind of processor')
     else:

@@ -45,7 +45,7 @@ class PathCheck(NamedTuple):
                        if self.is_by_travel else '')
 
 
-class Plan:
+class FollowedPath:
     """A path in its own frame, of finite poses, and how far along it the robot is."""
 
     def __init__(self, numbers: NDArray[np.float64]) -> None:
@@ -54,7 +54,7 @@ class Plan:
         self.poses = np.column_stack([numbers[:, :2], np.arctan2(
             2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)])
         self.is_by_travel = not numbers[:-1, 3:6].any() and self._turn_to_travel()
-        self.place = 0.0
+        self.progress = 0.0
 
     def _turn_to_travel(self) -> bool:
         """Let all poses but the last look to where the path goes on; return whether any turns."""
@@ -75,12 +75,12 @@ class Plan:
 
     def advance(self, pose: Pose, reach: float) -> None:
         """
-        Move the place on to where the path is nearest to the robot; it never goes back.
+        Move the progress on to where the path is nearest to the robot; it never goes back.
 
         Angles count as ways of a point at `reach` (m). Of several parts of the path that are as
         near, to within the reach, the first one counts.
         """
-        first = min(int(self.place), len(self.poses) - 2)
+        first = min(int(self.progress), len(self.poses) - 2)
         if first < 0:
             return
         starts, steps = self.poses[first:-1], np.diff(self.poses[first:], axis=0)
@@ -92,18 +92,18 @@ class Plan:
                           where=sizes > 0.0, out=np.zeros(len(steps)))
         np.divide(off[:, 2], steps[:, 2], where=(sizes == 0.0) & (steps[:, 2] != 0.0), out=along)
         along = along.clip(0.0, 1.0)
-        along[0] = max(along[0], self.place - first)
+        along[0] = max(along[0], self.progress - first)
         off -= along[:, None] * steps
         gaps = np.hypot(off[:, 0], off[:, 1]) + reach * abs(_wrapped(off[:, 2]))
         k = int(np.argmax(gaps <= gaps.min() + reach))
         while k + 1 < len(gaps) and gaps[k + 1] <= gaps[k]:
             k += 1
-        self.place = first + k + float(along[k])
+        self.progress = first + k + float(along[k])
 
     def ahead(self) -> NDArray[np.float64]:
-        """Return the poses from the place on."""
-        k = int(self.place)
-        return np.vstack([self.at(self.place), self.poses[k + 1:]])
+        """Return the poses from the progress on."""
+        k = int(self.progress)
+        return np.vstack([self.at(self.progress), self.poses[k + 1:]])
 
     def at(self, place: float) -> NDArray[np.float64]:
         """Return the pose at a place, on the arc between two poses."""
@@ -120,18 +120,18 @@ class Plan:
         return np.asarray(self.poses[k] + (way.real, way.imag, 2.0 * half * share))
 
     def check(self, footprint: Footprint, outline: Polygon, contacts: Contacts) -> PathCheck:
-        """Check the path from the place on, for a footprint whose state is known."""
+        """Check the path from the progress on, for a footprint whose state is known."""
         if footprint.contacts:
             obstacle = min(one.name for one in footprint.contacts)
-            return PathCheck(0.0, pose=self.place, obstacle=obstacle,
+            return PathCheck(0.0, pose=self.progress, obstacle=obstacle,
                              is_by_travel=self.is_by_travel)
         ahead = self.ahead()
         found = contacts.first_on_path(footprint, outline, ahead)
         if found is None:
             return PathCheck(math.inf, is_by_travel=self.is_by_travel)
         body, pose, metres = found
-        k = int(self.place)
-        place = k + pose if pose >= 1.0 else self.place + pose * (k + 1 - self.place)
+        k = int(self.progress)
+        place = k + pose if pose >= 1.0 else self.progress + pose * (k + 1 - self.progress)
         x, y, yaw = there = self.at(place)
         c, s = math.cos(yaw), math.sin(yaw)
         return PathCheck(

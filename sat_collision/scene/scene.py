@@ -22,7 +22,7 @@ from sat_collision.scene.contacts import Contacts, NoContacts
 from sat_collision.scene.footprints import Evaluation, Footprint, Origin, Status
 from sat_collision.scene.frames import in_quotes
 from sat_collision.scene.obstacle_store import OTHER_FRAME, Shape
-from sat_collision.scene.path import PathCheck, Plan
+from sat_collision.scene.path import FollowedPath, PathCheck
 from sat_collision.scene.prediction import predict
 from sat_collision.scene.settings import BY_ANOTHER_CLOCK, EMPTY_POLYGON, FAR, NEVER, Settings
 from sat_collision.scene.sources import Source
@@ -227,9 +227,9 @@ class Scene(SceneView):
         if self._contacts.changed:
             self._evaluate()
 
-    def check_path(self, name: str, plan: Plan, outline: Polygon) -> PathCheck:
+    def check_path(self, name: str, path: FollowedPath, outline: Polygon) -> PathCheck:
         """Check the path of a footprint, whose outline is given in its own frame."""
-        return plan.check(self._footprints[name], outline, self._contacts)
+        return path.check(self._footprints[name], outline, self._contacts)
 
     def obstacle(self, name: str, body: Shape | None, frame_id: str, stamp: int, now: int,
                  instance: int | None = None, number: int | None = None) -> str | None:

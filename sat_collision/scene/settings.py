@@ -147,7 +147,7 @@ class FootprintSettings:
                                self.enabled) if self.cmd_vel else None
 
     @property
-    def plan(self) -> PathSettings | None:
+    def path_settings(self) -> PathSettings | None:
         """Its path, if it has one."""
         return PathSettings(f'{self.name}.path', self.path) if self.path else None
 

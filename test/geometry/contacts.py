@@ -195,14 +195,5 @@ def largest(which, kind, evaluations, seed=1):
 
 def report(evaluations, seed):
     """Print a row for each error; return the number of broken promises."""
-    print('\n| of a contact | bound | largest error / bound | wrong | evaluations |\n'
-          '|---|---|---|---|---|')
-    share = evaluations // len(NAMES)
-    failures = 0
-    for which, name in enumerate(NAMES):
-        ratios, wrong = zip(*(largest(which, kind, share // len(COUNTS), seed)
-                              for kind in range(len(COUNTS))))
-        failures += sum(wrong)
-        print(f'| {name} | {BOUNDS[which]} | {max(ratios):.4f} | {sum(wrong)} | '
-              f'{share:.1e} |', flush=True)
-    return failures
+    return steering.report_promises('contact', NAMES, BOUNDS, len(COUNTS), largest, evaluations,
+                                    seed)

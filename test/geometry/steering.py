@@ -261,6 +261,26 @@ def at_the_edge(which, n, m, evaluations, seed=1):
             int(found[:, 2].sum() + wrong))
 
 
+def report_promises(subject, names, bounds, kinds, largest, evaluations, seed):
+    """
+    Print a row for each error of a subject; return the number of broken promises.
+
+    `largest` takes the number of an error, that of a kind of start, evaluations and seed, and
+    returns the largest error relative to its bound, and how many promises were broken.
+    """
+    print(f'\n| of a {subject} | bound | largest error / bound | wrong | evaluations |\n'
+          '|---|---|---|---|---|')
+    share = evaluations // len(names)
+    failures = 0
+    for which, (name, bound) in enumerate(zip(names, bounds)):
+        ratios, wrong = zip(*(largest(which, kind, share // kinds, seed)
+                              for kind in range(kinds)))
+        failures += sum(wrong)
+        print(f'| {name} | {bound} | {max(ratios):.4f} | {sum(wrong)} | {share:.1e} |',
+              flush=True)
+    return failures
+
+
 def report(evaluations, seed):
     """Print a row for each filter; return how many answers were wrong."""
     print('\n| pairs at the edge of | arrived | largest error / bound | proved | wrong | '

@@ -10,13 +10,12 @@
 
 from concurrent.futures import ThreadPoolExecutor
 import copy
-import os
 import pickle
-import subprocess
 import sys
 import threading
 
 from bodies import random_body
+from compiled import failures_in_plain_python
 import numpy as np
 import pytest
 from sat_collision import first_contact_along, Polygon, PolygonError, PolygonSet
@@ -271,7 +270,4 @@ def test_an_index_built_while_others_ask_and_change():
 
 @pytest.mark.skipif(not COMPILED, reason='this is plain Python')
 def test_the_same_in_plain_python():
-    result = subprocess.run(
-        [sys.executable, '-m', 'pytest', '-q', '-p', 'no:cacheprovider', __file__],
-        capture_output=True, text=True, env={**os.environ, 'NUMBA_DISABLE_JIT': '1'})
-    assert result.returncode == 0, result.stdout
+    assert not failures_in_plain_python(__file__)

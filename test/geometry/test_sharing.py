@@ -13,14 +13,13 @@ from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 import copy
 import importlib
 import multiprocessing
-import os
 import pickle
 import pkgutil
-import subprocess
 import sys
 import threading
 
 from bodies import random_body
+from compiled import failures_in_plain_python
 import families
 import numpy as np
 import pytest
@@ -251,7 +250,4 @@ def test_process_pools():
 
 @pytest.mark.skipif(not COMPILED, reason='this is plain Python')
 def test_the_same_in_plain_python():
-    result = subprocess.run(
-        [sys.executable, '-m', 'pytest', '-q', '-p', 'no:cacheprovider', __file__],
-        capture_output=True, text=True, env={**os.environ, 'NUMBA_DISABLE_JIT': '1'})
-    assert result.returncode == 0, result.stdout
+    assert not failures_in_plain_python(__file__)

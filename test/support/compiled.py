@@ -7,7 +7,11 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Makes kernels that only other kernels call callable for tests."""
+"""Kernels in tests: callable where only other kernels call them, and as plain Python."""
+
+import os
+import subprocess
+import sys
 
 from sat_collision.geometry.jit import kernel
 
@@ -15,3 +19,11 @@ from sat_collision.geometry.jit import kernel
 def callable_here(*functions):
     """Return the same kernels, compiled so that Python may call them."""
     return [kernel(getattr(function, 'py_func', function)) for function in functions]
+
+
+def failures_in_plain_python(file):
+    """Run the tests of a file in another process without numba; return its output if any fail."""
+    result = subprocess.run(
+        [sys.executable, '-m', 'pytest', '-q', '-p', 'no:cacheprovider', file],
+        capture_output=True, text=True, env={**os.environ, 'NUMBA_DISABLE_JIT': '1'})
+    return result.stdout if result.returncode else ''

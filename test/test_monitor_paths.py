@@ -146,6 +146,15 @@ def test_part_behind_the_robot_does_not_count():
     assert world.check().metres == math.inf
 
 
+def test_progress_never_goes_back():
+    """A robot that backs up within a segment is still where it has been furthest."""
+    world = at_start(AHEAD)
+    assert world.plan([(0, 0, 0), (10, 0, 0)]).metres == pytest.approx(4.5, abs=1e-6)
+    for time, x in ((0.1, 3.0), (0.2, 2.0)):
+        world.move(time, x)
+        assert world.check().metres == pytest.approx(1.5, abs=1e-6)
+
+
 def test_two_poses_are_a_path_and_one_is():
     world = at_start(AHEAD, x=3.0)
     assert world.plan([(0, 0, 0), (10, 0, 0)]).metres == pytest.approx(1.5, abs=1e-6)
@@ -228,6 +237,7 @@ def test_path_in_another_frame_waits_for_its_transform():
     world.receive_transforms(TF, ('map', 'odom', world.now, 0.0, 0.0, math.pi / 2))
     turned = [(-y, x, yaw + math.pi / 2) for x, y, yaw in STRAIGHT]
     assert world.plan(turned, stamp=world.now, frame_id='map').metres == pytest.approx(4.5)
+    assert world.check().metres == pytest.approx(4.5)
 
 
 @pytest.mark.parametrize(('poses', 'more', 'reason'), [

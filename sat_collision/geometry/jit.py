@@ -52,7 +52,7 @@ try:
     except Exception as error:  # of other internals anything may be missing
         if not numba.config.DISABLE_JIT:
             report_problem(f'numba {numba.__version__} is used as it is, so a first start takes '
-                           f'minutes instead of seconds: {error}')
+                           f'about twice as long: {error}')
 
     def _compiled(function: Callable[..., Any], is_inner: bool, **options: Any) -> Any:
         if HAS_OWN_CACHE:

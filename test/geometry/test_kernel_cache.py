@@ -285,8 +285,8 @@ def test_unknown_numba_is_used_as_it_is(package):
     A kernel of a changed source is compiled again, although its own file has not changed.
     """
     program = UNKNOWN + PROGRAM
-    problem = (f'numba {numba.__version__} is used as it is, so a first start takes minutes '
-               'instead of seconds: it was tried with numba 0.59 to 0.68')
+    problem = (f'numba {numba.__version__} is used as it is, so a first start takes about '
+               'twice as long: it was tried with numba 0.59 to 0.68')
     assert run(package, program) == (6.0, 0, problem)
     assert run(package, program) == (6.0, 1, problem)
     plane = package / 'plane.py'

@@ -331,6 +331,8 @@ USELESS = 'has sent nothing of use for longer than its timeout of 1e-06 s: '
     ('empty_polygon', '^a1 .1 ?100 b900', 'has not sent a whole set since a message was refused'),
     ('empty_polygon', '^a1 b1101 .1101', 'sends sets whose oldest obstacle, lidar/0, is 1.1e-06 s '
      'old when they end, more than its timeout'),
+    ('empty_polygon', '^a700 b300@701 .1400',
+     'sends sets whose oldest obstacle, lidar/1, is 1.1e-06 s old'),
     ('new_stamp', '^a1 b1', 'has not sent a whole set yet'),
     ('new_stamp', '^a1 b2000 c4000 c5001', 'sends a set every 1.5e-06 s: raise timeout above'),
     ('none', '^a1', 'has not been received for its timeout of 1e-06 s and future_tolerance, 1e-07 '

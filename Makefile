@@ -2,7 +2,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-all knowing paths docs bench report accuracy adversary faults soak fuzz clean
+.PHONY: demo test test-all knowing paths docs surface bench report accuracy adversary faults soak \
+    fuzz clean
 
 demo: $(VENV)/demo.stamp
 	$(BIN)/python -m sat_collision.demo
@@ -19,6 +20,10 @@ test test-all: $(VENV)/test.stamp
 # What README, config and docs take from the code and from the benchmarks.
 docs: $(VENV)/demo.stamp
 	$(BIN)/python docs/generate.py
+
+# The list of what docs/stability.md promises, after a change of it that is meant.
+surface: $(VENV)/test.stamp
+	$(BIN)/python test/support/surface.py
 
 # What everything costs, measured and written to docs/benchmarks.
 bench: $(VENV)/bench.stamp

@@ -17,11 +17,13 @@ from itertools import groupby
 from operator import itemgetter
 from typing import TypeAlias
 
-from sat_collision.messages.cdr import header_stamp, STAMP_SIZE
+from sat_collision.messages.cdr import (
+    decode_transforms, header_stamp, MessageError, STAMP_SIZE)
 from sat_collision.messages.ingest import Batch
 from sat_collision.messages.transform_listener import TF_STATIC
 from sat_collision.monitor import Monitor
 from sat_collision.replay.bag.storage import Row
+from sat_collision.scene.frames import in_quotes
 from sat_collision.scene.settings import TF
 
 # Consecutive messages of one topic with the same time, in ns.
@@ -195,6 +197,42 @@ class StampOrder:
             last_topic, last_time, messages = topic, time, run
         if last_topic:
             yield last_topic, last_time, messages
+
+
+def until_set_back(rows: Iterable[Row], tolerances: Mapping[str, int],
+                   marks: Mapping[str, Callable[[bytes], bool]],
+                   report: Callable[[str, int, int], None]) -> Iterator[Row]:
+    """
+    Yield messages up to the first one by whose stamp the clock of its publisher was set back.
+
+    That is where the stamps of a topic, or of a frame on /tf, go back by more than the tolerance
+    of the topic, in ns. What has such stamps, and both of them, is then reported. Those of marks,
+    see `StampOrder`, do not count.
+    """
+    latest: dict[str, int] = {}
+    for topic, times, messages in rows:
+        for k, data in enumerate(messages if topic in tolerances else ()):
+            for name, stamp in _frames_of(data) if topic == TF else ((topic, header_stamp(data)),):
+                before = latest.get(name, 0)
+                if not stamp or before - tolerances[topic] <= stamp <= before or (
+                        topic in marks and marks[topic](data)):
+                    continue
+                if stamp < before:
+                    if k:
+                        yield topic, times[:k], messages[:k]
+                    report(name, before, stamp)
+                    return
+                latest[name] = stamp
+        yield topic, times, messages
+
+
+def _frames_of(data: bytes) -> Iterator[tuple[str, int]]:
+    """Yield the child frames of a message of /tf, in words, with their stamps."""
+    try:
+        for _, child, stamp, _ in decode_transforms(data):
+            yield f'frame {in_quotes(child)} on {TF}', stamp
+    except MessageError:
+        pass
 
 
 def _tf_stamp(data: bytes) -> int:

@@ -35,7 +35,7 @@ from sat_collision.replay.model.result import (
 from sat_collision.replay.motion.motion import RecordedMotion
 from sat_collision.replay.motion.prediction import HORIZON
 from sat_collision.replay.motion.tape import MotionTape
-from sat_collision.replay.order import ArrivalOrder, StampOrder, Timed, WINDOW
+from sat_collision.replay.order import ArrivalOrder, StampOrder, Timed, until_set_back, WINDOW
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.scene import OVERTAKEN
 from sat_collision.scene.settings import (
@@ -132,9 +132,6 @@ class _Run:
         self._outputs: BagOutputs | None = None
         self._now = 0
         self._due: float = NEVER
-        # With the clock of headers, the latest stamps by topic; those of maps may be of any time.
-        self._latest = {one.topic: 0 for one in settings.footprints} | {
-            one.topic: 0 for one in settings.obstacles if one.timeout}
         self._examples: dict[str, dict[str, str]] = {}
         self._undecodable: dict[str, list[str]] = {}
 
@@ -203,11 +200,18 @@ class _Run:
         later = WINDOW if self._motion else 0
         read: Iterable[Row] = self._with_clocks_compared(self._rows(
             names, start if self._options.start else None, stop and stop + later))
+        marks = {one.topic: partial(_is_empty, one.type == POLYGON_INSTANCE)
+                 for one in self._settings.obstacles if one.set_end == EMPTY_POLYGON}
+        if by_header:
+            # A map may be of any time; a set of obstacles may have several stamps in any order.
+            tolerance = round(self._settings.future_tolerance * 1e9)
+            read = until_set_back(
+                read, {one.topic: tolerance for one in self._settings.obstacles if one.timeout}
+                | {one.topic: 0 for one in self._settings.footprints}, marks,
+                self._note_set_back)
         if progress:
             total = sum(self._recording.counts[topic] for topic in names)
             read = _with_progress(read, total, progress)
-        marks = {one.topic: partial(_is_empty, one.type == POLYGON_INSTANCE)
-                 for one in self._settings.obstacles if one.set_end == EMPTY_POLYGON}
         ordered = StampOrder(read, by_header, marks) if self._motion else None
         rows = None if ordered or by_header else ArrivalOrder(read)
         runs: Iterable[Timed] = ordered or rows or (
@@ -236,8 +240,6 @@ class _Run:
                 for name in names[topic]:
                     self._receive(name, messages, now, number)
         for topic, time, batch in runs:
-            if by_header and time and topic in self._latest:
-                self._check_clock(topic, time)
             if by_header and not now:
                 if not time or topic in TRANSFORM_TOPICS:
                     time = 0
@@ -293,17 +295,13 @@ class _Run:
         return ((topic, times, [*map(stamped, messages)] if topic in twists else messages)
                 for topic, times, messages in rows) if twists else rows
 
-    def _check_clock(self, topic: str, time: int) -> None:
-        """Report a clock that was set back: what comes after that is too old to be checked."""
-        latest = self._latest[topic]
-        if time >= latest - WINDOW:
-            self._latest[topic] = max(time, latest)
-            return
+    def _note_set_back(self, what: str, before: int, after: int) -> None:
+        """Report stamps that go back."""
         self._result.problems.append(
-            f'{self._recording.path}: after {self._result.since(latest):.3f} s the stamps of '
-            f'{topic} go back by {(latest - time) / 1e9:.3f} s, as where a simulation was reset; '
-            'with --clock header what follows is not checked: record each run by itself')
-        self._latest.clear()
+            f'{self._recording.path}: the stamps of {what} go back by {(before - after) / 1e9:g} '
+            f's, from {_in_seconds(before)} to {_in_seconds(after)} s, as where a simulation was '
+            'reset; with --clock header what follows is not checked: record each run by itself, '
+            'or use --clock receive')
 
     def _first_stamp(self, names: Collection[str]) -> int | None:
         """Return the header stamp with which the recording begins, None if there is none."""
@@ -392,6 +390,11 @@ class _Run:
                     'time, as in recordings of simulations: try --clock header')
             break
         return chain(passed, rows)
+
+
+def _in_seconds(time: int) -> str:
+    """Return a time in ns exactly, in s."""
+    return f'{time // 10**9}.{time % 10**9:09}'
 
 
 def _with_progress(rows: Iterable[Row], total: int, progress: OnProgress) -> Iterator[Row]:

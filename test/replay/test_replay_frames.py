@@ -255,3 +255,19 @@ def test_invalid_outline_is_bad_input(tmp_path):
     assert 'needs the fixed frame' in result.problems[0]
     with pytest.raises(ParameterError, match='needs the fixed frame'):
         settings_of({**WITH_ARM, 'frame_id': ''})
+
+
+@pytest.mark.parametrize('as_live', [False, True])
+def test_simulation_that_was_reset_is_seen_by_its_transforms(tmp_path, as_live):
+    """The footprint is an outline, and the obstacles are a map without stamps."""
+    messages = [('/obstacles', 0.0, serialised(points, 0, 'odom')) for points in (box(9), [])]
+    messages += [('/tf', k / 10, transforms(
+        ('odom', 'base', nanoseconds((k - (4 if k > 30 else 0)) / 10), 0.0, 0.0)))
+        for k in range(60)]
+    bag = write(tmp_path / 'bag', messages, types=TYPES, latched=['/obstacles'])
+    result = check(bag, Options(as_live=as_live, clock=HEADER, obstacles=[
+        f'{SOURCE}:=/obstacles'], parameters={
+        **WITH_ARM, f'{SOURCE}.timeout': 0.0, **declared(MARKS)}))
+    problem, = result.problems
+    assert "the stamps of frame 'base' on /tf go back by 0.3 s" in problem
+    assert result.verdict is Verdict.BAD_INPUT

@@ -2,8 +2,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-all knowing paths docs surface bench report accuracy adversary faults soak \
-    fuzz clean
+.PHONY: demo test test-all knowing paths docs surface release-check bench report accuracy adversary \
+    faults soak fuzz clean
 
 demo: $(VENV)/demo.stamp
 	$(BIN)/python -m sat_collision.demo
@@ -24,6 +24,10 @@ docs: $(VENV)/demo.stamp
 # The list of what docs/stability.md promises, after a change of it that is meant.
 surface: $(VENV)/test.stamp
 	$(BIN)/python test/support/surface.py
+
+# What a release still lacks.
+release-check:
+	$(PYTHON) .ci/release_check.py
 
 # What everything costs, measured and written to docs/benchmarks.
 bench: $(VENV)/bench.stamp

@@ -1,8 +1,11 @@
 from glob import glob
+from pathlib import Path
+from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
 package_name = 'sat_collision'
+root = Path(__file__).parent
 
 extras = {
     'ros': [
@@ -65,7 +68,22 @@ setup(
     maintainer='The sat_collision Authors',
     maintainer_email='maintainers@users.noreply.github.com',
     description='Exact collision checks between robot footprints and obstacles for ROS 2',
+    long_description=(root / 'README.md').read_text(encoding='utf-8'),
+    long_description_content_type='text/markdown',
     license='Apache-2.0',
+    keywords='ROS, robotics, collision detection, footprint, safety, computational geometry',
+    # Those of package.xml, once it has them.
+    project_urls={url.get('type'): url.text
+                  for url in ElementTree.parse(root / 'package.xml').iter('url')},
+    classifiers=[
+        'Intended Audience :: Developers',
+        'Intended Audience :: Science/Research',
+        'Operating System :: POSIX :: Linux',
+        'Programming Language :: Python :: 3',
+        *(f'Programming Language :: Python :: 3.{minor}' for minor in range(10, 14)),
+        'Topic :: Scientific/Engineering',
+        'Typing :: Typed',
+    ],
     entry_points={
         'console_scripts': [
             'footprint_monitor = sat_collision.node.__main__:main',

@@ -135,7 +135,11 @@ def _turn(a, b, c):
 def main():
     """Run the node until it is ended."""
     rclpy.init()
-    node = ScanToPolygons()
+    try:
+        node = ScanToPolygons()
+    except ModuleNotFoundError:
+        return ('scan_to_polygons: polygon_msgs is not installed: leave out in_one_message, '
+                'or see docs/install.md')
     with suppress(KeyboardInterrupt, ExternalShutdownException):
         rclpy.spin(node)
     node.destroy_node()

@@ -1,0 +1,129 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""The example that converts the cells of a map to obstacles."""
+
+import math
+from pathlib import Path
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy')
+shapely = pytest.importorskip('shapely')
+
+from geometry_msgs.msg import Point, PolygonStamped, Pose, Quaternion  # noqa: E402, I100
+from harness import box  # noqa: E402
+from nav_msgs.msg import MapMetaData, OccupancyGrid  # noqa: E402
+from rclpy.qos import DurabilityPolicy, QoSProfile  # noqa: E402
+from test_recipes import recipe  # noqa: E402
+
+ROOT = Path(__file__).resolve().parents[2]
+EXAMPLE = ROOT / 'examples' / 'map_to_polygons.py'
+sys.path.append(str(ROOT / 'examples'))
+
+from map_to_polygons import corners, rectangles  # noqa: E402, I100
+
+SHAPES = (0, 0), (0, 3), (3, 0), (1, 1), (1, 9), (9, 1), (2, 2), (7, 12), (12, 7), (30, 30)
+
+
+@pytest.mark.parametrize('share', (0.0, 0.1, 0.5, 0.9, 1.0))
+def test_each_occupied_cell_is_in_one_rectangle_and_no_other_cell_is(share):
+    """On random grids, the narrowest among them."""
+    random = np.random.default_rng(1)
+    for shape in SHAPES * 10:
+        occupied = random.random(shape) < share
+        covered = np.zeros(shape, int)
+        for left, bottom, right, top in rectangles(occupied):
+            covered[bottom:top, left:right] += 1
+            assert left < right and bottom < top
+        assert (covered == occupied).all()
+
+
+def test_walls_are_long_rectangles():
+    """Those along a row, and those along a column."""
+    occupied = np.zeros((50, 50), bool)
+    occupied[[0, -1]] = occupied[:, [0, -1]] = True
+    assert len(rectangles(occupied)) == 4
+
+
+def map_info(width, height, resolution=0.5, x=0.0, y=0.0, yaw=0.0):
+    return MapMetaData(width=width, height=height, resolution=resolution, origin=Pose(
+        position=Point(x=x, y=y),
+        orientation=Quaternion(z=math.sin(yaw / 2), w=math.cos(yaw / 2))))
+
+
+@pytest.mark.parametrize('yaw', (0.0, 0.7, -2.0, math.pi))
+def test_cells_are_where_resolution_and_origin_say(yaw):
+    """The middle of a cell is in a rectangle exactly if the cell is occupied."""
+    occupied = np.random.default_rng(2).random((12, 17)) < 0.4
+    found = corners(rectangles(occupied), map_info(17, 12, 0.5, 3.0, -4.0, yaw))
+    solid = shapely.union_all([shapely.Polygon(outline) for outline in found])
+    assert all(shapely.Polygon(outline).exterior.is_ccw for outline in found)
+    assert solid.area == pytest.approx(0.25 * np.count_nonzero(occupied))
+    for row, column in np.ndindex(occupied.shape):
+        middle = complex(3.0, -4.0) + 0.5 * complex(column + 0.5, row + 0.5) * complex(
+            math.cos(yaw), math.sin(yaw))
+        assert solid.contains(shapely.Point(middle.real, middle.imag)) == occupied[row, column]
+
+
+@pytest.mark.parametrize('in_one_message', (False, True), ids=('one by one', 'in one message'))
+def test_maps_are_checked(start, run, tmp_path, in_one_message):
+    """A map sent once, before the converter is there; then another one replaces it."""
+    params = tmp_path / 'params.yaml'
+    text = recipe('A static map', 'yaml')
+    if in_one_message:
+        pytest.importorskip('polygon_msgs', reason='make .venv/messages.stamp builds it')
+        text = text.replace('set_end: empty_polygon', 'type: polygon_collection')
+    params.write_text(text)
+    monitor = start(('--params-file', str(params)))
+    maps = monitor.node.create_publisher(OccupancyGrid, 'map', QoSProfile(
+        depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+    grid = OccupancyGrid(info=map_info(8, 2, 1.0, yaw=math.pi / 2))
+    grid.header.frame_id = 'map'
+    # Column by column along y: occupied, free, occupied enough, not enough, unknown, free.
+    grid.data = 2 * [100, 0, 65, 64, -1, 0, 0, 0]
+    maps.publish(grid)
+    run(EXAMPLE, '--ros-args', '-p', f'in_one_message:={in_one_message}')
+
+    def check(*touching):
+        for column in range(8):
+            monitor.send_until('collision' if column in touching else 'clear', 'footprint',
+                               box(-1.5, column + 0.25, 1.0, 0.5))
+    check(0, 2, 4)
+    grid.data = 2 * [0, 100, 0, 0, 0, 0, 0, 0]
+    maps.publish(grid)
+    check(1)
+
+
+def test_unknown_cells_can_be_free(peer, run):
+    """As Nav2's static layer has them by default."""
+    latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    maps = peer.node.create_publisher(OccupancyGrid, 'map', latched)
+    maps.publish(OccupancyGrid(info=map_info(3, 1), data=[-1, 0, 100]))
+    seen = []
+    peer.node.create_subscription(PolygonStamped, 'map_polygons', seen.append, latched)
+    run(EXAMPLE, '--ros-args', '-p', 'unknown_is_occupied:=false')
+    peer.until(lambda: len(seen) == 2, 'a rectangle and the end of the set')
+    assert [[(point.x, point.y) for point in message.polygon.points] for message in seen] == [
+        [(1.0, 0.0), (1.5, 0.0), (1.5, 0.5), (1.0, 0.5)], []]
+
+
+@pytest.mark.parametrize('example', ('map_to_polygons', 'scan_to_polygons'))
+def test_missing_polygon_msgs_is_said_in_one_line(run, tmp_path, example):
+    """A user of pip alone does not have it."""
+    (tmp_path / 'polygon_msgs.py').touch()
+    process = run(ROOT / 'examples' / f'{example}.py', '--ros-args', '-p', 'in_one_message:=true',
+                  stderr=subprocess.PIPE, text=True, env={'PYTHONPATH': str(tmp_path)})
+    assert process.communicate(timeout=60)[1] == (
+        f'{example}: polygon_msgs is not installed: leave out in_one_message, '
+        'or see docs/install.md\n')
+    assert process.returncode == 1

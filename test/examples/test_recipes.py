@@ -9,6 +9,7 @@
 
 """The recipes of docs/recipes.md with a running monitor."""
 
+import json
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -52,6 +53,34 @@ def test_static_map(start, tmp_path, at_once):
     for x, state in ((2.0, 'clear'), (4.0, 'collision'), (8.5, 'collision'), (2.0, 'clear')):
         monitor.send_until(state, 'footprint', box(x))
     assert publisher.get_subscription_count() == 1
+
+
+def test_zones_of_vda_5050(start, tmp_path):
+    """Blocked zones stop the robot, others do not; the next set replaces them."""
+    params = tmp_path / 'params.yaml'
+    params.write_text(recipe('A static map', 'yaml'))
+    monitor = start(('--params-file', str(params)))
+    publish_map = functions('A static map').publish_map
+    blocked_zones = functions('Zones of VDA 5050').blocked_zones
+
+    def zone_set(**kinds):
+        zones = [{'zoneId': name, 'zoneType': kind, 'vertices': [
+                  {'x': x, 'y': y} for x, y in box(int(name.removeprefix('at')), 0)]}
+                 for name, kind in kinds.items()]
+        return json.dumps({'headerId': 1, 'timestamp': '2026-01-01T00:00:00.000Z',
+                           'version': '3.0.0', 'manufacturer': 'm', 'serialNumber': 's',
+                           'zoneSet': {'mapId': 'hall', 'zoneSetId': 'z', 'zones': zones}})
+
+    publisher = publish_map(monitor.node, blocked_zones(
+        zone_set(at0='BLOCKED', at5='SPEED_LIMIT', at8='BLOCKED')))
+    for x, state in ((0.5, 'collision'), (5.5, 'clear'), (9.0, 'collision'), (9.5, 'clear')):
+        monitor.send_until(state, 'footprint', box(x))
+    monitor.node.destroy_publisher(publisher)
+    publisher = publish_map(monitor.node, blocked_zones(zone_set(at5='BLOCKED')))
+    for x, state in ((5.5, 'collision'), (0.5, 'clear')):
+        monitor.send_until(state, 'footprint', box(x))
+    with pytest.raises(KeyError):
+        blocked_zones('{"zones": []}')
 
 
 def test_costmap_converter(start):

@@ -125,7 +125,7 @@ def contacts(count):
     def meet_all():
         for message in messages:
             monitor.receive('obstacles', message, now)
-            monitor.scene.changes()
+            monitor.scene.take_changes()
     time_taken = _best(1, meet_all)
     assert len(monitor.scene.state('footprint').contacts) == count
     return time_taken

@@ -245,13 +245,13 @@ def _message(rng, size, repeats):
         start = time.perf_counter()
         for k in range(0, len(messages), taken):
             monitor.receive_batch('obstacles', messages[k:k + taken], now)
-            monitor.scene.changes()
+            monitor.scene.take_changes()
         times[taken].append((time.perf_counter() - start) / len(messages))
         for outline in _outlines(rng, 10, 4, 1.0):
             message = serialised(outline, now)
             start = time.perf_counter()
             monitor.receive('footprint', message, now)
-            monitor.scene.changes()
+            monitor.scene.take_changes()
             footprint_times.append(time.perf_counter() - start)
     return {'obstacles': size, 'obstacle_us': 1e6 * float(np.median(times[1][1:])),
             'together_us': 1e6 * float(np.median(times[_TOGETHER][1:])),

@@ -123,7 +123,7 @@ def test_batches_give_the_same_as_single_messages(seed):
             names = {name for name, _ in singly.scene.obstacles}
             names -= {name for name, _, _ in singly.scene.contacts('robot')}
             assert known(undecided, names) == known(singly, names)
-            changes, *others = (monitor.scene.changes() for monitor in monitors[:3])
+            changes, *others = (monitor.scene.take_changes() for monitor in monitors[:3])
             assert others == [changes, changes]
     placed, *others = ([(one.shape, one._replace(points=None))
                        for placement in place for one in placement.each()] for place in places)

@@ -337,10 +337,7 @@ class FootprintMonitor(Node):
 
     def _publish_changes(self) -> None:
         self._scene.look_ahead()
-        if not self._scene.evaluated:
-            return
-        brief = self._scene.brief_contacts()
-        changed = self._scene.changes()
+        changed, brief = self._scene.take_changes()
         if changed:
             self._outputs.update(changed)
         if brief:

@@ -328,7 +328,7 @@ class _Run:
             self._place(untaken)
         if not now:
             return
-        changed = self._scene.changes()
+        changed, _ = self._scene.take_changes()
         if changed:
             self._change(changed, now)
         if self._live and self._live.touching:
@@ -347,7 +347,7 @@ class _Run:
         if self._result.origin is None:
             self._result.origin = start
         self._monitor.advance(start)
-        self._change(self._scene.changes(), start)
+        self._change(self._scene.take_changes().changed, start)
         for timer in self._timers:
             timer.due = start
         self._due = start if self._timers else NEVER

@@ -54,6 +54,7 @@ class Footprint(Body[Obstacle]):
     """A footprint: its place, its time and the status reported for it. Times are in ns."""
 
     evaluation: Evaluation  # the result of the last `evaluate`
+    reported: Evaluation | None = None  # that of the last report
 
     def __init__(self, settings: FootprintSettings) -> None:
         super().__init__()
@@ -70,6 +71,9 @@ class Footprint(Body[Obstacle]):
         self.hints: tuple[str, ...] = ()
         # Why there is no valid footprint; empty if there is one, even if stale.
         self.fault = ''
+        # Why no footprint can be known, and why obstacles may not have been received; empty if
+        # nothing is wrong.
+        self.other_faults: tuple[str, tuple[str, ...]] = '', ()
         # The frame of the last message, and when it was received.
         self.frame_id = ''
         self.received: int | None = None
@@ -155,14 +159,9 @@ class Footprint(Body[Obstacle]):
         self._stream_faults = faults
         return True
 
-    def evaluate(self, now: int, monitor_fault: str, source_faults: tuple[str, ...],
-                 release_delay: int) -> None:
-        """
-        Update the status to report: CLEAR after the release delay, anything else at once.
-
-        `monitor_fault` says why no footprint can be known, `source_faults` why obstacles may
-        not have been received; they are empty if nothing is wrong.
-        """
+    def evaluate(self, now: int, release_delay: int) -> None:
+        """Update the status to report: CLEAR after the release delay, anything else at once."""
+        monitor_fault, source_faults = self.other_faults
         if self.stream.mixed_until < now:
             self.find_stream_faults(now)
         self.stale = self.time is not None and self.time + self.timeout < now

@@ -26,7 +26,7 @@ from typing import cast, NamedTuple
 
 from sat_collision.geometry.polygon import PackedBody
 from sat_collision.scene.obstacle_store import (
-    ObstacleGroup, ObstacleStore, SetGroup, Shape, TOO_MANY)
+    KeyedGroup, ObstacleGroup, ObstacleStore, SetGroup, Shape, TOO_MANY)
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import (
     EACH_MESSAGE, EMPTY_POLYGON, NEVER, NEW_STAMP, ObstacleSettings, POLYGON_INSTANCE)
@@ -380,7 +380,7 @@ class Refreshed(Knowledge):
 
     def __init__(self, store: ObstacleStore, settings: ObstacleSettings, tolerance: int) -> None:
         super().__init__(store, settings, tolerance)
-        self.by_id = store.new_keyed() if settings.type == POLYGON_INSTANCE else None
+        self.by_id = KeyedGroup(store) if settings.type == POLYGON_INSTANCE else None
         # Obstacles without ids, by the end of the part of a timeout in which they are stamped.
         self._parts: dict[int, SetGroup] = {}
         # When reception without a gap began, NEVER if it has not.

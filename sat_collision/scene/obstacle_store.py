@@ -69,14 +69,10 @@ class ObstacleStore:
         return chain.from_iterable(self.groups)
 
     def new_set(self) -> SetGroup:
-        """Return a group for obstacles in order, reusing a dropped one if possible."""
-        group = self._spare.pop() if self._spare else SetGroup(self)
-        self.groups.append(group)
-        return group
-
-    def new_keyed(self) -> KeyedGroup:
-        """Return a group for obstacles by id."""
-        group = KeyedGroup(self)
+        """Return a group for obstacles in order, a dropped one if there is any."""
+        if not self._spare:
+            return SetGroup(self)
+        group = self._spare.pop()
         self.groups.append(group)
         return group
 
@@ -94,6 +90,9 @@ class ObstacleGroup:
     def __init__(self, store: ObstacleStore) -> None:
         self._store = store
         self._contacts = store.contacts
+        # Other frames in which obstacles of a map were sent.
+        self.frames: set[str] = set()
+        store.groups.append(self)
 
     def __iter__(self) -> Iterator[Obstacle]:
         raise NotImplementedError
@@ -126,8 +125,14 @@ class ObstacleGroup:
         self._forget(others)
         return bool(others)
 
+    def place_anew(self, frame_id: str, body_of: Callable[[Any], PackedBody | None]) -> bool:
+        """Place obstacles that were sent in a frame where that is now; return whether all are."""
+        moved = [one for one in self if one.sent is not None and one.sent[0] == frame_id]
+        for one in moved:
+            self._put(one, body_of(one.sent), one.frame_id, one.time)
+        return all(one.row is not None for one in moved)
+
     def _forget(self, obstacles: Iterable[Obstacle]) -> None:
-        """Drop obstacles."""
         for obstacle in obstacles:
             self._contacts.remove_obstacle(obstacle)
 
@@ -159,8 +164,6 @@ class SetGroup(ObstacleGroup):
         # Of runs: begin and end of their places, and the frame and time of their obstacles. Only
         # `flush` writes these to the obstacles: most sets are dropped before that is needed.
         self._pending: list[tuple[int, int, str, float]] = []
-        # Other frames in which obstacles of a map were sent.
-        self.frames: set[str] = set()
 
     def __len__(self) -> int:
         """Return how many messages were taken."""
@@ -250,13 +253,6 @@ class SetGroup(ObstacleGroup):
                     refusal and f'polygon {k}: {refusal}')
                 k += 1
         return problem
-
-    def place_anew(self, frame_id: str, body_of: Callable[[Any], PackedBody | None]) -> bool:
-        """Place obstacles that were sent in a frame where that is now; return whether all are."""
-        moved = [one for one in self if one.sent is not None and one.sent[0] == frame_id]
-        for one in moved:
-            self._put(one, body_of(one.sent), one.frame_id, one.time)
-        return all(one.row is not None for one in moved)
 
     def set_times(self, time: int) -> None:
         super().set_times(time)

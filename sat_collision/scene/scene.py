@@ -14,12 +14,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from itertools import chain
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 from sat_collision.geometry.polygon import PackedBody, Polygon
 from sat_collision.geometry.run import Run
 from sat_collision.scene.contacts import Contacts, NoContacts
-from sat_collision.scene.footprints import Evaluation, Footprint, Origin, Status
+from sat_collision.scene.footprints import Footprint, Origin, Status
 from sat_collision.scene.frames import in_quotes
 from sat_collision.scene.obstacle_store import OTHER_FRAME, Shape
 from sat_collision.scene.path import FollowedPath, PathCheck
@@ -44,7 +44,14 @@ _NO_SOURCE = 'no obstacle source is enabled'
 _NONE_OF_THEM = 'none of its obstacle sources is enabled'
 _NOT_RECEIVED = 'has not been received yet'
 _CHANGED = 'has not been received since its publisher changed'
-_CLOCK_WAS_SET_BACK = 'has not been received since the clock was set'
+_CLOCK_WAS_SET = 'has not been received since the clock was set'
+
+
+class Changes(NamedTuple):
+    """What has changed since the last report, as names of footprints."""
+
+    changed: list[str]  # with another state, but for its age
+    brief: list[str]  # in collision since then, but neither then nor now
 
 
 class Scene(SceneView):
@@ -80,31 +87,26 @@ class Scene(SceneView):
         self.deadline: float = NEVER
         # Whether the motion of all footprints is tracked, not only where a state depends on it.
         self.tracks_motion = False
+        # Whether contacts of footprints are decided; if not, only what is unknown is found.
+        self.decides_contacts = decides_contacts
+        # What the last checks of paths found, by name of the footprint.
+        self.path_checks: dict[str, PathCheck] = {}
         self._now = 0
         # The latest time that was known when the clock stepped back.
         self._latest = 0
         # Why the clock cannot be trusted; empty if it can.
         self._clock_fault = ''
-        # Whether contacts of footprints are decided; if not, only what is unknown is found.
-        self.decides_contacts = decides_contacts
+        self._use(settings)
         self._contacts = (Contacts if decides_contacts else NoContacts)(settings.margin)
-        self._future_tolerance = round(settings.future_tolerance * 1e9)
         self._sources = {source.name: Source(source, self._contacts, self._future_tolerance)
                          for source in settings.obstacles}
         self._footprints = {footprint.name: Footprint(footprint)
                             for footprint in settings.footprints}
-        # What `_faults` was last computed from.
+        # What the faults beside those of footprints were last found from.
         self._causes: tuple[object, ...] = ()
-        # By name of the footprint: faults of monitor and sources; the evaluation reported last.
-        self._faults: dict[str, tuple[str, tuple[str, ...]]] = dict.fromkeys(
-            self._footprints, ('', ()))
-        self._reported: dict[str, Evaluation] = {}
-        # What the last checks of paths found, by name of the footprint.
-        self.path_checks: dict[str, PathCheck] = {}
-        # Footprints evaluated since the last call of `changes`, and those then found in collision.
-        self.evaluated: set[Footprint] = set()
-        self._collided: set[str] = set()
-        self._use(settings)
+        # Footprints evaluated since the last call of `take_changes`, and those then in collision.
+        self._evaluated: set[Footprint] = set()
+        self._collided: set[Footprint] = set()
         for footprint in self._footprints.values():
             self._invalidate(footprint, _NOT_RECEIVED)
         self._reevaluate_all()
@@ -156,8 +158,8 @@ class Scene(SceneView):
             return None
         if number is not None:
             self.receive_number(name, number, now)
-        if stamp > now and self._is_from_future(stamp):
-            self._invalidate(footprint, f'was refused: {self._far_ahead(stamp)}')
+        if stamp > now and (problem := self._from_future(stamp)):
+            self._invalidate(footprint, f'was refused: {problem}')
             self._evaluate()
             return FROM_FUTURE
         footprint.frame_id = frame_id
@@ -245,16 +247,15 @@ class Scene(SceneView):
         if not source.settings.enabled:
             return None
         faults, knowledge = source.faults, source.knowledge
-        refused = read = None
+        refused: str | None = None
+        read: int | None = stamp
         if body is None and source.settings.set_end == EMPTY_POLYGON:
             # A mark ends a set whatever its stamp.
             read = min(stamp, now)
-        elif stamp > now and self._is_from_future(stamp):
-            refused = self._far_ahead(stamp)
-        else:
-            read = stamp
-            if body is not None and self.frame_id and frame_id != self.frame_id:
-                refused = OTHER_FRAME
+        elif stamp > now and (refused := self._from_future(stamp)):
+            read = None
+        elif body is not None and self.frame_id and frame_id != self.frame_id:
+            refused = OTHER_FRAME
         refusal = source.receive(None if refused else body, frame_id, read, now, instance, number,
                                  refused)
         if read is None:
@@ -297,7 +298,7 @@ class Scene(SceneView):
         The reason has no figures; stamp and instance are None if they could not be read.
         """
         self.pass_time(now)
-        if stamp is not None and self._is_from_future(stamp):
+        if stamp is not None and self._from_future(stamp):
             stamp = None
         source = self._sources.get(name)
         if source is None:
@@ -320,8 +321,7 @@ class Scene(SceneView):
 
     def update_publishers(self, name: str, endpoints: Sequence[Endpoint]) -> None:
         """Update the publishers of a footprint or source."""
-        source = self._sources.get(name)
-        if source is not None:
+        if source := self._sources.get(name):
             source.update_publishers(endpoints, self._now)
             self._follow_up(source)
         else:
@@ -335,7 +335,8 @@ class Scene(SceneView):
     def wants_history(self, name: str) -> bool:
         """Return whether a map is needed again from the start, by a new subscription."""
         source = self._sources.get(name)
-        return source is not None and source.wants_history and not source.stream.faults()
+        return source is not None and source.settings.enabled and (
+            source.knowledge.wants_history and not source.stream.faults())
 
     def request_history(self, name: str) -> None:
         """Request a map again of which something is missing, as it may be taken now."""
@@ -344,7 +345,7 @@ class Scene(SceneView):
     def renew(self, name: str) -> None:
         """Start a source anew: a new subscription receives all that its publisher keeps."""
         self._sources[name].renew(self._now)
-        self._reevaluate_all()
+        self._follow_up(self._sources[name])
 
     def interrupt(self, name: str) -> None:
         """Record that the next message of a name is not known to continue the one before."""
@@ -358,9 +359,8 @@ class Scene(SceneView):
 
     def wait(self, name: str, first: float) -> None:
         """Record the number of a source's first message that waits, NEVER if none does."""
-        source = self._sources.get(name)
-        if source is not None:
-            source.wait(first, self._now)
+        if source := self._sources.get(name):
+            source.wait(first)
             self._follow_up(source)
 
     def receive_early(self, name: str, body: Shape | None, stamp: int, order: int,
@@ -371,8 +371,8 @@ class Scene(SceneView):
         The order is its number in the queue; the body is None if it is refused.
         """
         source = self._sources[name]
-        if self._is_from_future(stamp):
-            body, refusal = None, self._far_ahead(stamp)
+        if problem := self._from_future(stamp):
+            body, refusal = None, problem
         source.receive_early(body, self.frame_id, stamp, self._now, order, instance, refusal)
         self._follow_up(source)
 
@@ -391,12 +391,14 @@ class Scene(SceneView):
 
     def map_frames(self, name: str) -> set[str]:
         """Return the other frames in which obstacles of a map were sent."""
-        return self._sources[name].frames
+        return set().union(*(group.frames for group in self._sources[name].store.groups))
 
     def limit_frames(self, name: str, fault: str, deadline: float) -> None:
         """Record why a frame of a map cannot be followed, or until when all can."""
-        self._sources[name].limit_frames(fault, deadline, self._now)
-        self._follow_up(self._sources[name])
+        source = self._sources[name]
+        if source.frame_limit != (fault, deadline):
+            source.frame_limit = fault, deadline
+            self._follow_up(source)
 
     def note_transforms(self, faults: tuple[str, ...]) -> None:
         """Record why transforms may be missing, in sentences."""
@@ -445,32 +447,24 @@ class Scene(SceneView):
         for source in self._sources.values():
             source.middleware = name
 
-    def changes(self) -> list[str]:
-        """Return the names of footprints whose state, except age, changed since the last call."""
-        if not self.evaluated:
-            return []
-        changed = []
+    def take_changes(self) -> Changes:
+        """Return what has changed since the last call."""
+        changes = Changes([], [])
+        if not self._evaluated:
+            return changes
         for name, footprint in self._footprints.items():
-            if footprint in self.evaluated:
-                others = footprint.gained_or_lost and footprint.status is Status.COLLISION
-                if others or footprint.evaluation != self._reported.get(name):
-                    self._reported[name] = footprint.evaluation
-                    changed.append(name)
+            if footprint in self._evaluated:
+                before, collides = footprint.reported, footprint.status is Status.COLLISION
+                if footprint in self._collided and not (
+                        collides or before and before[0] is Status.COLLISION):
+                    changes.brief.append(name)
+                if footprint.evaluation != before or collides and footprint.gained_or_lost:
+                    footprint.reported = footprint.evaluation
+                    changes.changed.append(name)
                 footprint.gained_or_lost.clear()
-        self.evaluated.clear()
+        self._evaluated.clear()
         self._collided.clear()
-        return changed
-
-    def brief_contacts(self) -> list[str]:
-        """
-        Return the names of footprints that were in collision only briefly.
-
-        That is, since the last call of `changes`, but neither then nor now.
-        """
-        return [name for name in self._collided
-                if self._footprints[name].status is not Status.COLLISION
-                and (name not in self._reported
-                     or self._reported[name][0] is not Status.COLLISION)]
+        return changes
 
     def set_clock(self, now: int) -> None:
         """Begin anew, because the clock was set: the times of all that is there are of another."""
@@ -478,17 +472,16 @@ class Scene(SceneView):
         self.frame_id = self.settings.frame_id
         for footprint in self._footprints.values():
             footprint.set_back(now)
-            self._invalidate(footprint, _CLOCK_WAS_SET_BACK)
+            self._invalidate(footprint, _CLOCK_WAS_SET)
         for source in self._sources.values():
             source.set_back(now)
         # What follows from it is due.
         self.deadline = -NEVER
 
-    def _is_from_future(self, stamp: int) -> bool:
-        return stamp > self._now + self._future_tolerance and self._now > 0
-
-    def _far_ahead(self, stamp: int) -> str:
-        """Return why a stamp from the future is refused."""
+    def _from_future(self, stamp: int) -> str | None:
+        """Return why a stamp from the future is refused, None for another stamp."""
+        if not 0 < self._now < stamp - self._future_tolerance:
+            return None
         return FROM_FUTURE if stamp <= self._now + FAR else f'{FROM_FUTURE}, {BY_ANOTHER_CLOCK}'
 
     def _choose_frame(self) -> None:
@@ -504,6 +497,7 @@ class Scene(SceneView):
                 self._invalidate(footprint, f'is not in the frame {in_quotes(self.frame_id)}')
         for source in self._sources.values():
             source.refuse_other_frames(self.frame_id, self._now)
+            source.find_faults(self._now)
         self._reevaluate_all()
 
     def _invalidate(self, footprint: Footprint, fault: str) -> None:
@@ -515,6 +509,7 @@ class Scene(SceneView):
 
     def _follow_up(self, source: Source) -> None:
         """Evaluate what follows from a change in a source."""
+        source.find_faults(self._now)
         self.deadline = min(self.deadline, source.deadline)
         self._reevaluate_all()
 
@@ -525,10 +520,10 @@ class Scene(SceneView):
         causes = monitor_fault, self.settings, *(one.faults for one in self._sources.values())
         if causes != self._causes:
             self._causes = causes
-            for name, footprint in self._footprints.items():
+            for footprint in self._footprints.values():
                 faults = monitor_fault, self._source_faults(footprint)
-                if faults != self._faults[name]:
-                    self._faults[name] = faults
+                if faults != footprint.other_faults:
+                    footprint.other_faults = faults
                     self._contacts.changed.add(footprint)
         self._evaluate()
 
@@ -544,10 +539,9 @@ class Scene(SceneView):
         """Evaluate the footprints for which something has changed."""
         changed = self._contacts.changed
         for footprint in changed:
-            footprint.evaluate(self._now, *self._faults[footprint.settings.name],
-                               self._release_delay)
+            footprint.evaluate(self._now, self._release_delay)
             self.deadline = min(self.deadline, footprint.deadline)
             if footprint.status is Status.COLLISION:
-                self._collided.add(footprint.settings.name)
-        self.evaluated |= changed
+                self._collided.add(footprint)
+        self._evaluated |= changed
         changed.clear()

@@ -50,17 +50,14 @@ class Source:
     """
 
     def __init__(self, settings: ObstacleSettings, contacts: Contacts, tolerance: int) -> None:
-        self.settings = settings
         self.store = ObstacleStore(settings.name, contacts)
         self.stream = Stream()
         self.middleware = 'its middleware'
         # Why the source cannot be trusted, as sentences; empty if it can. The same object until
         # they change.
         self.faults: tuple[str, ...] = ()
-        # Why its frame cannot be followed, as the end of a sentence; empty if it can, and after
-        # which time it cannot.
-        self._frame_fault = ''
-        self._frame_deadline: float = NEVER
+        # Why its frame cannot be followed, as the end of a sentence; empty if it can, until when.
+        self.frame_limit: tuple[str, float] = '', NEVER
         # The number in its queue of the first message that waits for its transform, NEVER if none
         # does. Obstacles that are queued behind it: with each group, the number of its last one;
         # whether that is still filled. Number and reason of the last one that was refused.
@@ -76,15 +73,13 @@ class Source:
         self._is_far = False
         # Whether all was known when faults were last found.
         self._was_known = False
-        self.timeout: float = NEVER
-        self._tolerance = tolerance
-        self._use(settings)
+        self._use(settings, tolerance)
         # What is known of its publisher: a new object whenever that starts over.
         self.knowledge: _Knowledge = self._new_knowledge()
-        self._find_faults(0)
+        self.find_faults(0)
 
-    def _use(self, settings: ObstacleSettings) -> None:
-        self.settings = settings
+    def _use(self, settings: ObstacleSettings, tolerance: int) -> None:
+        self.settings, self._tolerance = settings, tolerance
         self.timeout = self.stream.timeout = round(settings.timeout * 1e9) or NEVER
         self.store.max_count = settings.max_count
 
@@ -94,13 +89,13 @@ class Source:
 
     def configure(self, settings: ObstacleSettings, tolerance: int, now: int) -> None:
         """Apply settings; a disabled source drops all that it has received."""
-        before, self._tolerance = self.settings, tolerance
-        self._use(settings)
+        before = self.settings
+        self._use(settings, tolerance)
         if settings.enabled != before.enabled:
             self.stream.interrupt()
             self._begin_anew(now, wants_history=settings.enabled)
             self._drop_former(all_of_them=True)
-            self.wait(NEVER, now)
+            self.wait(NEVER)
         self.knowledge.configure(settings, tolerance, now)
         self.pass_time(now)
         if settings != before:
@@ -148,11 +143,6 @@ class Source:
                        f'all, set_end: {NEW_STAMP} does so, too')
         return advice
 
-    @property
-    def wants_history(self) -> bool:
-        """Whether the messages that a publisher keeps are needed again."""
-        return self.knowledge.wants_history and self.settings.enabled
-
     def request_history(self) -> None:
         """Request a map again of which something is missing, as it may be taken now."""
         if self.timeout == NEVER and not self.knowledge.is_known:
@@ -162,19 +152,18 @@ class Source:
     def deadline(self) -> float:
         """Time in ns after which something changes without a message."""
         return min(self.knowledge.deadline, self.stream.mixed_until, self.stream.again_until,
-                   self._frame_deadline,
-                   *(group.oldest + self.timeout for group in self._former))
+                   self.frame_limit[1], *(group.oldest + self.timeout for group in self._former))
 
     def pass_time(self, now: int) -> None:
         """Let time pass: drop obstacles that are too old."""
         self.stream.pass_time(now)
         self.knowledge.pass_time(now)
-        if self._frame_deadline < now:
-            self._frame_fault, self._frame_deadline = _OLD_FRAME, NEVER
+        if self.frame_limit[1] < now:
+            self.frame_limit = _OLD_FRAME, NEVER
         for group in self._former:
             group.forget_before(now - self.timeout)
         self._drop_former()
-        self._find_faults(now)
+        self.find_faults(now)
 
     def set_back(self, now: int) -> None:
         """Begin anew because the clock was set; what was told counts for one more timeout."""
@@ -184,9 +173,9 @@ class Source:
             self._count_from(now)
             self._begin_anew(now)
             self.knowledge.since = 'since the clock was set'
-        elif self._frame_deadline < NEVER:
+        elif self.frame_limit[1] < NEVER:
             # It is by the clock of before.
-            self._frame_deadline = now - 1
+            self.frame_limit = '', now - 1
         self.pass_time(now)
 
     def update_publishers(self, endpoints: Sequence[Endpoint], now: int) -> None:
@@ -195,13 +184,11 @@ class Source:
             self._begin_anew(now, wants_history=True)
             self.stream.limit_again(now)
         self._drop_former()
-        self._find_faults(now)
 
     def renew(self, now: int) -> None:
         """Start over with a new subscription, to which the publisher sends all that it keeps."""
         self.stream.restart(now)
         self._begin_anew(now)
-        self._find_faults(now)
 
     def mix(self, is_mixed: bool, now: int) -> None:
         """
@@ -214,9 +201,8 @@ class Source:
         self._mixed = self.store.new_set() if is_mixed else None
         if self._mixed is not None:
             self._former.append(self._mixed)
-        self._find_faults(now)
 
-    def wait(self, first: float, now: int) -> None:
+    def wait(self, first: float) -> None:
         """Record the number of the first message that waits, NEVER if none does."""
         self._first = first
         for last, group in self._early:
@@ -224,7 +210,6 @@ class Source:
                 group.clear()
         self._early = [one for one in self._early if one[0] >= first]
         self._is_early_open = False
-        self._find_faults(now)
 
     def receive_early(self, body: Shape | None, frame_id: str, stamp: int, now: int,
                       order: int, instance: int | None, refusal: str | None) -> None:
@@ -238,28 +223,13 @@ class Source:
             refusal = group.take(body, frame_id, min(stamp or now, now), instance)
         if refusal:
             self._early_refusal = order, refusal
-            self._find_faults(now)
 
     def follow_frame(self, frame_id: str, body_of: Callable[[Any], PackedBody | None],
                      now: int) -> None:
         """Place the obstacles of a map that were sent in a frame anew, where that is now."""
         for group in self.store.groups:
-            if isinstance(group, SetGroup) and frame_id in group.frames and (
-                    not group.place_anew(frame_id, body_of)):
+            if frame_id in group.frames and not group.place_anew(frame_id, body_of):
                 self.knowledge.miss(_MOVED, now, group)
-        self._find_faults(now)
-
-    def limit_frames(self, fault: str, deadline: float, now: int) -> None:
-        """Record why a frame of a map cannot be followed, or until when all can."""
-        if (fault, deadline) != (self._frame_fault, self._frame_deadline):
-            self._frame_fault, self._frame_deadline = fault, deadline
-            self._find_faults(now)
-
-    @property
-    def frames(self) -> set[str]:
-        """The other frames in which obstacles of a map were sent."""
-        return set().union(*(group.frames for group in self.store.groups
-                             if isinstance(group, SetGroup)))
 
     def receive(self, body: Shape | None, frame_id: str, stamp: int | None, now: int,
                 instance: int | None, number: int | None,
@@ -308,14 +278,13 @@ class Source:
                 knowledge.pass_time(now)
         if knowledge.is_known is not self._was_known or news is not CONTINUES or (
                 self.faults or refusal):
-            self._find_faults(now)
+            self.find_faults(now)
         return refusal
 
     def track(self, instance: int, stamp: int, vertices: Vertices) -> None:
         """Track an obstacle by its id, vertices in the order sent, unless it is newer."""
         by_id = self.knowledge.by_id if isinstance(self.knowledge, Refreshed) else None
-        obstacle = None if by_id is None else by_id.stamped(instance, stamp)
-        if obstacle is not None:
+        if by_id is not None and (obstacle := by_id.stamped(instance, stamp)):
             obstacle.motion = obstacle.motion or MotionTracker()
             obstacle.motion.place(stamp, vertices)
 
@@ -351,7 +320,7 @@ class Source:
             knowledge.gather(stamp, taken)
             stream.next = expected + taken
             if self.faults or knowledge.is_known is not self._was_known:
-                self._find_faults(now)
+                self.find_faults(now)
         return taken
 
     def refuse_other_frames(self, frame_id: str, now: int) -> None:
@@ -359,7 +328,6 @@ class Source:
         for group in self.store.groups:
             if group.forget_other_frames(frame_id):
                 self.knowledge.miss(f'a message was refused: {OTHER_FRAME}', now, group)
-        self._find_faults(now)
 
     def _begin_anew(self, now: int, wants_history: bool = False) -> None:
         """Begin to know anew; obstacles received before stay until their timeout."""
@@ -391,7 +359,7 @@ class Source:
                 self._former.remove(group)
                 group.clear()
 
-    def _find_faults(self, now: int) -> None:
+    def find_faults(self, now: int) -> None:
         """Update the faults of the source."""
         if self._was_known and not self.knowledge.is_known:
             # Obstacles kept while the last whole listing was valid may be too old.
@@ -411,8 +379,8 @@ class Source:
                 if self._is_far:
                     problem = f'has stamps that are {BY_ANOTHER_CLOCK}'
                 words = ['; '.join((problem, *self.stream.hints(LOSS in problem)))]
-            if self._frame_fault:
-                words.append(self._frame_fault)
+            if self.frame_limit[0]:
+                words.append(self.frame_limit[0])
             if self._first < NEVER and self.timeout == NEVER:
                 words.append('waits for the transform of a part of its map')
             number, refusal = self._early_refusal

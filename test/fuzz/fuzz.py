@@ -106,7 +106,7 @@ def fuzz_parameters(rng, monitor):
             made.receive(one.name, serialised(box(0.5 * k, 0), stamp=now, instance=instance), now,
                          k + 1)
         made.advance(now + 1)
-        made.scene.changes()
+        made.scene.take_changes()
     for one in settings.footprints:
         if not (settings.enabled and one.enabled):
             assert made.scene.status(one.name) is Status.UNKNOWN

@@ -14,7 +14,7 @@ from dataclasses import replace
 import pytest
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.footprints import Footprint
-from sat_collision.scene.obstacle_store import ObstacleStore
+from sat_collision.scene.obstacle_store import KeyedGroup, ObstacleStore
 from sat_collision.scene.obstacles import Obstacle
 from stage import (
     CART, INSTANCES, ROBOT, square, Stage, UNTIMED_LIDAR, UNTIMED_ROBOT, with_robot)
@@ -34,7 +34,7 @@ def robot():
 
 def obstacles(contacts, count):
     """Return obstacles that have not been placed yet."""
-    group = ObstacleStore('lidar', contacts).new_keyed()
+    group = KeyedGroup(ObstacleStore('lidar', contacts))
     return [Obstacle(group, 'lidar', key) for key in range(count)]
 
 

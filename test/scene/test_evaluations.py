@@ -56,12 +56,12 @@ def test_common_fault_evaluates_every_footprint_once(stage, evaluated):
 
 def test_changes_are_returned_once_in_the_order_of_the_settings(stage):
     """At first every footprint is listed."""
-    assert stage.scene.changes() == ['robot', 'cart']
-    assert stage.scene.changes() == []
+    assert stage.scene.take_changes().changed == ['robot', 'cart']
+    assert stage.scene.take_changes().changed == []
     for name in ('cart', 'robot'):
         stage.refuse(name=name)
-    assert stage.scene.changes() == ['robot', 'cart']
-    assert stage.scene.changes() == []
+    assert stage.scene.take_changes().changed == ['robot', 'cart']
+    assert stage.scene.take_changes().changed == []
 
 
 def test_deadline_is_when_the_first_footprint_becomes_stale(stage):
@@ -75,18 +75,18 @@ def test_deadline_is_when_the_first_footprint_becomes_stale(stage):
 
 def test_changes_include_contacts_and_reasons(stage):
     """Not only the status; footprints whose state stays the same are not listed."""
-    stage.scene.changes()
+    stage.scene.take_changes()
     stage.see(0.5)
-    assert stage.scene.changes() == ['robot']
+    assert stage.scene.take_changes().changed == ['robot']
     stage.see(0.4)
-    assert stage.scene.changes() == ['robot']
+    assert stage.scene.take_changes().changed == ['robot']
     stage.see(30)
     stage.robot(0.1)
-    assert stage.scene.changes() == []
+    assert stage.scene.take_changes().changed == []
     stage.refuse()
-    assert stage.scene.changes() == ['robot', 'cart']
+    assert stage.scene.take_changes().changed == ['robot', 'cart']
     stage.refuse()
-    assert stage.scene.changes() == []
+    assert stage.scene.take_changes().changed == []
 
 
 def test_next_set_with_the_same_contacts_is_no_change():
@@ -94,51 +94,54 @@ def test_next_set_with_the_same_contacts_is_no_change():
     stage = clear_stage()
     stage.wait_until(0.1)
     stage.send(0.5, 0.6)
-    assert stage.scene.changes() == ['robot']
+    assert stage.scene.take_changes().changed == ['robot']
     stage.wait_until(0.2)
     stage.see(0.5)
-    assert stage.scene.changes() == []
+    assert stage.scene.take_changes().changed == []
     stage.see(0.7)
-    assert stage.scene.changes() == []
+    assert stage.scene.take_changes().changed == []
     stage.end()
-    assert stage.scene.changes() == []
+    assert stage.scene.take_changes().changed == []
     assert [contact.key for contact in stage.state().contacts] == [0, 1]
     stage.wait_until(0.3)
     stage.send(0.5)
-    assert stage.scene.changes() == ['robot']
+    assert stage.scene.take_changes().changed == ['robot']
     stage.wait_until(0.4)
     stage.see(0.5)
     stage.see(0.6)
-    assert stage.scene.changes() == ['robot']
+    assert stage.scene.take_changes().changed == ['robot']
     assert [contact.key for contact in stage.state().contacts] == [0, 1]
 
 
 def test_state_that_changed_and_changed_back_is_no_change():
     stage = clear_stage()
-    stage.scene.changes()
+    stage.scene.take_changes()
     stage.send(0.5)
     stage.wait_until(0.1)
     stage.send(20, 30)
-    assert stage.scene.changes() == []
+    assert stage.scene.take_changes().changed == []
 
 
 def test_collision_between_two_reports_is_a_brief_contact():
     """A collision that lasts, or was already reported, is not brief."""
     stage = clear_stage()
-    stage.scene.changes()
+    stage.scene.take_changes()
     stage.send(0.5)
-    assert stage.scene.brief_contacts() == []
     stage.wait_until(0.1)
-    stage.see(20)
-    assert stage.scene.brief_contacts() == []
-    stage.end()
-    assert stage.scene.brief_contacts() == ['robot']
-    assert stage.scene.changes() == []
-    assert stage.scene.brief_contacts() == []
+    stage.send(20)
+    assert stage.scene.take_changes() == ([], ['robot'])
+    assert stage.scene.take_changes() == ([], [])
     stage.robot(20.5)
-    stage.scene.changes()
+    assert stage.scene.take_changes() == (['robot'], [])
     stage.robot(0)
-    assert stage.scene.brief_contacts() == []
+    assert stage.scene.take_changes() == (['robot'], [])
+    stage.robot(20.5)
+    stage.wait_until(0.2)
+    stage.see(40)
+    assert stage.scene.take_changes() == (['robot'], [])
+    stage.robot(0)
+    stage.robot(20.5)
+    assert stage.scene.take_changes() == ([], [])
 
 
 def test_brief_contact_before_the_first_report():
@@ -146,18 +149,18 @@ def test_brief_contact_before_the_first_report():
     stage.see(10)
     stage.robot(10.5)
     stage.robot()
-    assert stage.scene.brief_contacts() == ['robot']
+    assert stage.scene.take_changes() == (['robot'], ['robot'])
 
 
 def test_time_alone_changes_nothing_before_a_deadline():
     """The age of a footprint is not part of its reported state."""
     stage = clear_stage()
-    stage.scene.changes()
+    stage.scene.take_changes()
     for hundredth in range(100):
         stage.wait_until(hundredth / 100)
-        assert stage.scene.changes() == []
+        assert stage.scene.take_changes().changed == []
     stage.wait_until(1.01)
-    assert stage.scene.changes() == ['robot']
+    assert stage.scene.take_changes().changed == ['robot']
 
 
 def test_contacts_are_sorted_only_when_read(monkeypatch):
@@ -172,7 +175,7 @@ def test_contacts_are_sorted_only_when_read(monkeypatch):
     stage.robot()
     for k in range(200):
         stage.see(0.001 * k, stamp='none')
-        assert stage.scene.changes() == ['robot']
+        assert stage.scene.take_changes().changed == ['robot']
     assert not lengths
     assert len(stage.state().contacts) == 200
     assert len(stage.state().contacts) == 200

@@ -195,11 +195,11 @@ def test_release_delay_starts_again_with_each_contact():
         assert stage.status() == 'collision'
     assert stage.state().contacts == ()
     assert stage.state().reasons == ('clear for less than release_delay, 0.5 s',)
-    stage.scene.changes()
+    stage.scene.take_changes()
     stage.wait_until(1.099)
-    assert (stage.status(), stage.scene.changes()) == ('collision', [])
+    assert (stage.status(), stage.scene.take_changes().changed) == ('collision', [])
     stage.wait_until(1.1)
-    assert (stage.status(), stage.scene.changes()) == ('clear', ['robot'])
+    assert (stage.status(), stage.scene.take_changes().changed) == ('clear', ['robot'])
     assert stage.state().reasons == ()
 
 

@@ -18,6 +18,7 @@ from sat_collision.monitor import Monitor
 from sat_collision.scene import knowledge, prediction, velocity, view
 from sat_collision.scene.knowledge import Knowledge, Listings, Refreshed
 from sat_collision.scene.obstacle_store import KeyedGroup, SetGroup, TOO_MANY
+from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import EMPTY_POLYGON, NEVER
 from sat_collision.scene.sources import Source
 from sat_collision.scene.streams import BEGUN, CONTINUES, JOINED, LOST, Stream
@@ -133,7 +134,7 @@ def count_old_and_new_maps_together(patch):
 
 
 def never_request_history(patch):
-    patch.setattr(Source, 'wants_history', False)
+    patch.setattr(Scene, 'wants_history', lambda *_: False)
 
 
 def know_maps_while_they_come_again(patch):
@@ -145,7 +146,7 @@ def leave_maps_where_they_were(patch):
 
 
 def know_maps_while_a_part_waits(patch):
-    patch.setattr(Source, 'wait', lambda self, first, now: None)
+    patch.setattr(Source, 'wait', lambda self, first: None)
 
 
 def allow_two_publishers(patch):
@@ -155,7 +156,7 @@ def allow_two_publishers(patch):
 def keep_what_others_have_proved(patch):
     def update(self, endpoints, now):
         self.stream.update(endpoints)
-        self._find_faults(now)
+        self.find_faults(now)
     patch.setattr(Source, 'update_publishers', update)
 
 

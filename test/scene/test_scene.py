@@ -110,10 +110,10 @@ def test_unknown_until_the_clock_starts():
     stage.see(0.5)
     assert stage.status() == 'unknown'
     assert stage.state().reasons[0].startswith('no clock yet')
-    assert stage.scene.changes() == ['robot']
+    assert stage.scene.take_changes().changed == ['robot']
     stage.start = 1000.0
     stage.wait_until(0.0)
-    assert stage.scene.changes() == ['robot']
+    assert stage.scene.take_changes().changed == ['robot']
     assert stage.state().reasons[0] == TOO_OLD
     stage.robot()
     assert stage.status() == 'collision'

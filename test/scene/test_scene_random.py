@@ -281,7 +281,6 @@ class SceneMachine(RuleBasedStateMachine):
         self._obstacles_agree()
         self._states_agree()
         self._predictions_agree()
-        self._brief_contacts_are_reported()
         self._changes_are_reported()
 
     def _obstacles_agree(self):
@@ -327,15 +326,14 @@ class SceneMachine(RuleBasedStateMachine):
             self.seen['time' if is_due else 'never'] += 1
             self.seen['unknown motion'] += not found.is_known
 
-    def _brief_contacts_are_reported(self):
+    def _changes_are_reported(self):
         brief = {name for name in self.in_collision
                  if 'collision' not in (self.model.state(name, self.now)[0],
                                         self.reported.get(name, ('unknown',))[0])}
-        assert set(self.scene.brief_contacts()) == brief
+        changes = self.scene.take_changes()
+        assert set(changes.brief) == brief
         self.seen['brief'] += len(brief)
-
-    def _changes_are_reported(self):
-        for name in self.scene.changes():
+        for name in changes.changed:
             state = self._reportable(name)
             assert state != self.reported.get(name)
             self.reported[name] = state

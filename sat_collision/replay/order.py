@@ -203,26 +203,33 @@ def until_set_back(rows: Iterable[Row], tolerances: Mapping[str, int],
                    marks: Mapping[str, Callable[[bytes], bool]],
                    report: Callable[[str, int, int], None]) -> Iterator[Row]:
     """
-    Yield messages up to the first one by whose stamp the clock of its publisher was set back.
+    Yield messages until those of a topic, or of a frame on /tf, show that a clock was set back.
 
-    That is where the stamps of a topic, or of a frame on /tf, go back by more than the tolerance
-    of the topic, in ns. What has such stamps, and both of them, is then reported. Those of marks,
-    see `StampOrder`, do not count.
+    That is where two in a row are stamped before the latest one by more than the tolerance of the
+    topic, in ns: one alone was only received late, unless it is by more than WINDOW. What has such
+    stamps, the latest one and the first after that are then reported. Those of marks, see
+    `StampOrder`, do not count.
     """
     latest: dict[str, int] = {}
+    late: dict[str, int] = {}
     for topic, times, messages in rows:
         for k, data in enumerate(messages if topic in tolerances else ()):
             for name, stamp in _frames_of(data) if topic == TF else ((topic, header_stamp(data)),):
                 before = latest.get(name, 0)
-                if not stamp or before - tolerances[topic] <= stamp <= before or (
+                oldest = before - tolerances[topic]
+                if not stamp or not oldest <= stamp <= before and (
                         topic in marks and marks[topic](data)):
                     continue
-                if stamp < before:
+                if stamp >= oldest:
+                    latest[name] = max(stamp, before)
+                    late.pop(name, None)
+                elif name in late or stamp < before - WINDOW:
                     if k:
                         yield topic, times[:k], messages[:k]
-                    report(name, before, stamp)
+                    report(name, before, late.get(name, stamp))
                     return
-                latest[name] = stamp
+                else:
+                    late[name] = stamp
         yield topic, times, messages
 
 

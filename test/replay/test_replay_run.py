@@ -217,7 +217,7 @@ def test_simulation_that_was_reset_is_not_clear(tmp_path, as_live, back):
         return START + round((time - (back if time >= 20.0 else 0.0)) * SECOND)
     messages = [*(('/walls', 15.0, serialised(points, 1)) for points in (box(50), [])), *(
         (topic, time, serialised(points, stamp(time)))
-        for topic, time, points in drive(40.0, contact=(20.0, 20.2) if back else (0.0, 0.0)))]
+        for topic, time, points in drive(40.0, contact=(20.2, 20.4) if back else (0.0, 0.0)))]
     bag = write(tmp_path / 'bag', sorted(messages, key=lambda one: one[1]), latched=['/walls'])
     result = check(bag, Options(as_live=as_live, clock=HEADER, max_unknown=20.0, parameters={
         'obstacles': ['seen', 'walls'], 'seen.topic': '/obstacles', 'walls.timeout': 0.0,
@@ -227,7 +227,7 @@ def test_simulation_that_was_reset_is_not_clear(tmp_path, as_live, back):
         return
     problem, = result.problems
     assert (result.verdict, result.contacts) == (Verdict.BAD_INPUT, [])
-    assert result.end == START + 199 * SECOND // 10
+    assert result.end == START + 199 * SECOND // 10 and result.messages < 3 * 202
     after = f'{stamp(20.0)}'
     assert (f'the stamps of /footprint go back by {back - 0.1:g} s, from {START // SECOND + 19}'
             f'.900000000 to {after[:-9]}.{after[-9:]} s') in problem

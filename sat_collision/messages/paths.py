@@ -65,14 +65,15 @@ class Paths:
         rejections: list[Rejection] = []
         for footprint in self._scene.settings.footprints:
             if settings := footprint.path_settings:
-                latest = self._latest[settings.name]
-                if latest.data and not (latest.path or latest.problem):
-                    rejections += self._read(settings, latest, now)
-                self._scene.path_checks[footprint.name] = self._check(footprint, latest, now)
+                rejections += self.read(settings, now)
+                self._scene.path_checks[footprint.name] = self.check_one(footprint, settings, now)
         return rejections
 
-    def _read(self, settings: PathSettings, latest: _Latest, now: int) -> list[Rejection]:
-        """Decode a path; return the Rejection if it is refused."""
+    def read(self, settings: PathSettings, now: int) -> list[Rejection]:
+        """Decode a path that was received; return the Rejection if it is refused."""
+        latest = self._latest[settings.name]
+        if not latest.data or latest.path or latest.problem:
+            return []
         most = self._scene.settings.max_path_poses
         try:
             latest.stamp, latest.frame_id, poses = decode_path(latest.data, most)
@@ -82,6 +83,7 @@ class Paths:
             if isinstance(poses, int):
                 problem = TOO_MANY_POSES, f'{poses} poses, where max_path_poses is {most}'
             elif not len(poses):
+                latest.is_empty = True
                 latest.problem = f'no plan, as the last path on {latest.topic} is empty'
                 return []
             elif not (np.abs(poses) < _FARTHEST).all():
@@ -97,10 +99,21 @@ class Paths:
         latest.problem = f'the last path on {latest.topic} was refused: {problem[0]}'
         return [self._ingest.reject(settings, *problem)]
 
-    def _check(self, footprint: FootprintSettings, latest: _Latest, now: int) -> PathCheck:
-        scene, name = self._scene, footprint.name
-        if scene.status(name) is Status.UNKNOWN:
-            return PathCheck(math.nan, '; '.join(scene.state(name).reasons))
+    def is_empty(self, name: str) -> bool:
+        """Return whether the latest path was read, and is no plan."""
+        return self._latest[name].is_empty
+
+    def check_one(self, footprint: FootprintSettings, settings: PathSettings, now: int,
+                  is_plan: bool = False) -> PathCheck:
+        """
+        Check a path that was read.
+
+        Of a plan the whole is checked while it is not known where the footprint is.
+        """
+        scene, name, latest = self._scene, footprint.name, self._latest[settings.name]
+        if scene.status(name) is Status.UNKNOWN and (
+                reasons := scene.faults_around(name) if is_plan else scene.state(name).reasons):
+            return PathCheck(math.nan, '; '.join(reasons))
         path = latest.path
         if path is None:
             return PathCheck(math.nan, latest.problem or '; '.join(
@@ -109,11 +122,12 @@ class Paths:
             found = self._transforms.lookup_affine(latest.frame_id, latest.stamp, now, 0.0)
             if isinstance(found, NoTransform):
                 return PathCheck(math.nan, f'the path on {latest.topic} has no place: '
-                                           f'{found.lasting}')
+                                           f'{found.lasting}', may_come=found.may_come)
             path.move(found.affine)
             latest.frame_id = scene.frame_id
         outline = self._outlines.polygon(name)
-        path.advance(self._outlines.pose(name), float(np.hypot(*outline.vertices.T).max()))
+        if scene.is_placed(name):
+            path.advance(self._outlines.pose(name), float(np.hypot(*outline.vertices.T).max()))
         try:
             return scene.check_path(name, path, outline)
         except ValueError as error:
@@ -131,6 +145,7 @@ class _Latest:
         self.frame_id = ''
         # What it is, unless it is empty or was refused.
         self.path: FollowedPath | None = None
+        self.is_empty = False
         # Why there is none; and why no other can come.
         self.problem = ''
         self.fault = ''

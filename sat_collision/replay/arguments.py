@@ -24,15 +24,15 @@ from typing import NoReturn
 
 from sat_collision import __version__
 from sat_collision.replay.bag.storage import Limits
-from sat_collision.replay.model.result import HEADER, NODE, RECEIVE, Verdict
+from sat_collision.replay.model.result import HEADER, NODE, PLAN, RECEIVE, Verdict
 
 _UNRECOGNIZED = 'unrecognized arguments: '
 _DESCRIPTION = """\
 Check recordings for collisions with the scene of the live node.
 
-Exit status: 0 clear; 1 collision, or less than --min-ttc before one; 2 unknown (for longer than
---max-unknown, or no data); 3 bad input. Where several apply, a collision comes before bad input,
-and bad input before unknown.
+Exit status: 0 clear; 1 collision, or less than --min-ttc before one, or by --fail-on; 2 unknown
+(for longer than --max-unknown, or no data); 3 bad input. Where several apply, a collision comes
+before bad input, and bad input before unknown.
 With --expect: 0 as expected; 1 different; 3 bad input. An unexpected error is bad input too.
 """
 
@@ -108,11 +108,14 @@ def _parser() -> argparse.ArgumentParser:
         help='for how many seconds in all the motion of a source may be undetermined (any)')
     add('--min-ttc', type=_seconds, metavar='S',
         help='measure times to collision, and fail on one of less than S seconds; 0 fails on none')
+    add('--fail-on', choices=[PLAN],
+        help='fail on a plan (of <footprint>.path) in contact, too; one that is unknown, or none '
+        'at all, makes the verdict unknown')
     add('--expect', metavar='FILE', help='compare with a result that --json wrote before')
     add = parser.add_argument_group('output').add_argument
     add('--json', metavar='FILE', help='write the result; docs/replay_json.md has the schema')
     add('--csv', metavar='FILE',
-        help='write a row for each contact, unknown interval and time to collision')
+        help='write a row for each contact, unknown interval, time to collision, plan in contact')
     add('--junit', metavar='FILE', help='write a test suite for each recording')
     add('--plot', metavar='FILE',
         help='draw a picture (.png, .svg, .pdf) or a page (.html); for several recordings, one '

@@ -31,15 +31,17 @@ from sat_collision.replay.model.configuration import (
     all_sources, is_subscribed, missing_topics, settings_for, Source, TRANSFORM_TYPE, TWIST_TYPE,
     wrong_types)
 from sat_collision.replay.model.result import (
-    FootprintResult, HEADER, moments_of, Options, RECEIVE, Result, SourceResult)
+    FootprintResult, HEADER, moments_of, Options, PLAN, RECEIVE, Result, SourceResult)
 from sat_collision.replay.motion.motion import RecordedMotion
 from sat_collision.replay.motion.prediction import HORIZON
 from sat_collision.replay.motion.tape import MotionTape
 from sat_collision.replay.order import ArrivalOrder, StampOrder, Timed, until_set_back, WINDOW
+from sat_collision.replay.plans import Plans
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.scene import OVERTAKEN
 from sat_collision.scene.settings import (
-    EMPTY_POLYGON, FAR, FootprintSettings, NEVER, NONE, POLYGON_INSTANCE, Settings)
+    EMPTY_POLYGON, FAR, FootprintSettings, NEVER, NONE, PathSettings, POLYGON_INSTANCE,
+    Settings)
 
 if TYPE_CHECKING:
     from sat_collision.replay.output.bag import BagOutputs
@@ -109,10 +111,14 @@ class _Run:
         self._placements: list[Placement] = []
         self._together = 1 if any(one.has_outline for one in settings.footprints) else _TOGETHER
         self._untaken = 0
+        has_plans = any(one.path for one in settings.footprints)
+        if options.fail_on == PLAN and not has_plans:
+            raise ParameterError('--fail-on plan: no footprint has a path')
         self._monitor = Monitor(settings, bool(self._transforms),
                                 None if options.as_live else self._placements,
-                                options.as_live or options.write_bag is not None)
+                                options.as_live or options.write_bag is not None or has_plans)
         self._scene = self._monitor.scene
+        self._plans = Plans(settings, self._monitor, footprints, options.keyframes)
         self._timers: list[Timer] = []
         self._motion: RecordedMotion | None = None
         self._live: Timeline | None = None
@@ -166,6 +172,7 @@ class _Run:
         result.footprints = self._footprints
         result.contacts = self._timeline.contacts
         result.unknown = self._timeline.unknown
+        result.plan_contacts = self._plans.contacts
         result.notes += self._motion.notes if self._motion else []
         result.notes += [
             f'a contact with {source.name} may be with where an obstacle was: {advice}'
@@ -185,12 +192,14 @@ class _Run:
             name, source.topic, self._monitor.received[name], rejected,
             examples=self._examples.get(name, {}),
             undetermined=self._motion.undetermined(name) if self._motion else 0,
-            refused=sum(count for reason, count in rejected.items() if reason in _OF_CONTENT),
+            refused=0 if isinstance(source, PathSettings) else sum(
+                count for reason, count in rejected.items() if reason in _OF_CONTENT),
             known_by=self._scene.known_by(name)[0])
 
     def _play(self, names: dict[str, list[str]], start: int, stop: int | None, end: int,
               progress: OnProgress | None) -> None:
         by_header, result = self._options.clock == HEADER, self._result
+        monitor = self._monitor
         if by_header and self._options.start:
             result.origin = self._first_stamp(names.keys() - {*TRANSFORM_TOPICS})
         elif not by_header:
@@ -220,15 +229,17 @@ class _Run:
         if self._options.write_bag:
             from sat_collision.replay.output.bag import BagOutputs
             outputs = self._outputs = BagOutputs(
-                self._options.write_bag, self._options.node, self._settings, self._scene)
+                self._options.write_bag, self._options.node, self._settings, monitor)
             self._timers += [Timer(1.0 / self._settings.publish_rate, outputs.publish),
                              Timer(1.0 / self._settings.marker_rate, outputs.publish_markers)]
         # The first message of a latched topic is the first one that its publisher sent.
         numbers = dict.fromkeys(self._recording.latched & names.keys(), 1)
         if not by_header:
             self._begin(start)
-        now, monitor = self._now, self._monitor
-        footprints = {one.name for one in self._settings.footprints}
+        now = self._now
+        plans = monitor.paths.names
+        # A rejected footprint has no pose until the next one, so each message counts; so do plans.
+        single = {one.name for one in self._settings.footprints} | plans
         if self._options.start:
             # A publisher that keeps its messages would send those of before the start as well.
             kept = {TF_STATIC} & {*self._transforms} | (
@@ -256,14 +267,13 @@ class _Run:
                     self._keep(monitor.receive_transforms(topic, data, now))
                     if now:
                         self._follow(now)
+                        self._plans.follow(now)
             number = numbers.pop(topic, None) if numbers else None
             for name in names[topic]:
-                if len(batch) == 1 or name not in footprints:
-                    self._receive(name, batch, now, number)
-                    continue
-                # A rejected footprint has no pose until the next one, so each message counts.
-                for k, data in enumerate(batch):
-                    self._receive(name, [data], now, number and number + k)
+                for k, part in enumerate([[one] for one in batch] if name in single else [batch]):
+                    self._receive(name, part, now, number and number + k)
+                    if name in plans:
+                        self._keep(self._plans.receive(name, now))
             if rows and len(names[topic]) == 1 and now:
                 bound = min(monitor.deadline, self._due - 1, NEVER if stop is None else stop - 1)
                 self._now = now = rows.receive_run(monitor, names[topic][0], now, bound)
@@ -276,6 +286,7 @@ class _Run:
                 timer.action(end)
         self._place(len(self._placements))
         self._timeline.finish(end)
+        self._plans.finish(end)
         self._result.end = end
         if self._outputs:
             self._outputs.close()

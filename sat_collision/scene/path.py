@@ -33,6 +33,7 @@ class PathCheck(NamedTuple):
     way: NDArray[np.float64] | None = None  # (n, 2): the path from the robot to the contact, m
     outline: NDArray[np.float64] | None = None  # the vertices of the footprint there
     is_by_travel: bool = False  # whether the direction of travel stands for orientations
+    may_come: bool = False  # whether a later transform may yet give it a place
 
     @property
     def text(self) -> str:
@@ -120,10 +121,9 @@ class FollowedPath:
         return np.asarray(self.poses[k] + (way.real, way.imag, 2.0 * half * share))
 
     def check(self, footprint: Footprint, outline: Polygon, contacts: Contacts) -> PathCheck:
-        """Check the path from the progress on, for a footprint whose state is known."""
-        if footprint.contacts:
-            obstacle = min(one.name for one in footprint.contacts)
-            return PathCheck(0.0, pose=self.progress, obstacle=obstacle,
+        """Check the path from the progress on."""
+        if touched := footprint.contacts_reported:
+            return PathCheck(0.0, pose=self.progress, obstacle=touched[0],
                              is_by_travel=self.is_by_travel)
         ahead = self.ahead()
         found = contacts.first_on_path(footprint, outline, ahead)

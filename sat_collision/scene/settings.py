@@ -85,6 +85,7 @@ class PathSettings:
 
     name: str
     topic: str
+    enabled: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +150,7 @@ class FootprintSettings:
     @property
     def path_settings(self) -> PathSettings | None:
         """Its path, if it has one."""
-        return PathSettings(f'{self.name}.path', self.path) if self.path else None
+        return PathSettings(f'{self.name}.path', self.path, self.enabled) if self.path else None
 
     def monitors(self, source: str) -> bool:
         """Return whether the obstacles of a source, and its faults, concern the footprint."""

@@ -98,6 +98,16 @@ class SceneView:
         """Return why contacts of a footprint may be unknown, empty if all are known."""
         return self._footprints[name].unknown_reasons
 
+    def faults_around(self, name: str) -> tuple[str, ...]:
+        """Return why obstacles of a footprint may be unknown, wherever that is."""
+        monitor_fault, source_faults = self._footprints[name].other_faults
+        return (monitor_fault,) if monitor_fault else source_faults
+
+    def is_placed(self, name: str) -> bool:
+        """Return whether a footprint is placed, and not stale."""
+        footprint = self._footprints[name]
+        return footprint.time is not None and not footprint.stale
+
     def status(self, name: str) -> Status:
         """Return the Status of a footprint."""
         return self._footprints[name].status

@@ -107,13 +107,16 @@ def _json():
     nearest = result.Least(1.0, 1, 'o', 1.0, 1.0)
     footprint = result.FootprintResult(
         'f', '/f', True, clear=1, least=nearest, separation=[(1, 1.0), (2, None)],
-        soonest=result.Soonest(1.0, 1, 'o'), time_to_collision=[(1, 1.0), (2, None)])
+        soonest=result.Soonest(1.0, 1, 'o'), time_to_collision=[(1, 1.0), (2, None)],
+        plans=1, plans_unknown={'reason': 1})
     whole = result.Result(
-        'bag', result.Options(max_undetermined=1.0, min_ttc=1.0), 1, 1, 2, 'digest', [footprint],
+        'bag', result.Options(max_undetermined=1.0, min_ttc=1.0, fail_on='plan'), 1, 1, 2,
+        'digest', [footprint],
         [result.SourceResult('s', '/s', 1, {'reason': 1}, {'reason': 'example'})],
         [result.Contact('f', 'o', 1, 2, normal=[1.0, 0.0], points=[[1.0, 1.0]],
                         between=[1, None])],
-        [result.Unknown('f', 1, 2, ['reason'])], ['problem'], ['note'])
+        [result.Unknown('f', 1, 2, ['reason'])], ['problem'], ['note'],
+        plan_contacts=[result.PlanContact('f', 'o', 1, 2, 1.0, 1.0)])
     nothing = result.Result('bag', footprints=[result.FootprintResult('f', '/f', True)])
     types = {}
     for one in ([whole], [nothing]):
@@ -127,7 +130,7 @@ def _note_types(value, path, types):
     """Add the types of a value, and of all that is in it, by their paths."""
     if isinstance(value, Mapping):
         for key, inner in value.items():
-            by_name = path.endswith(('rejected', 'examples', 'verdicts'))
+            by_name = path.endswith(('rejected', 'examples', 'verdicts', 'plans_unknown'))
             _note_types(inner, f'{path}.{"<name>" if by_name else key}'.lstrip('.'), types)
     elif isinstance(value, (list, tuple)):
         for inner in value:

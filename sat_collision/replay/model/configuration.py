@@ -25,15 +25,16 @@ from sat_collision.scene.parameters import (
     check_names_given, declare_parameters, is_name_of, ParameterError, parameters_by_node,
     read_settings, type_problem)
 from sat_collision.scene.settings import (
-    CommandSettings, FootprintSettings, ObstacleSettings, POLYGON, POLYGON_2D,
+    CommandSettings, FootprintSettings, ObstacleSettings, PathSettings, POLYGON, POLYGON_2D,
     POLYGON_COLLECTION, POLYGON_INSTANCE, Settings, Spec)
 import yaml
 
-Source: TypeAlias = FootprintSettings | ObstacleSettings | CommandSettings
+Source: TypeAlias = FootprintSettings | ObstacleSettings | CommandSettings | PathSettings
 
 TRANSFORM_TYPE = 'tf2_msgs/msg/TFMessage'
 TWIST_TYPE = 'geometry_msgs/msg/Twist'
 _ODOMETRY = 'nav_msgs/msg/Odometry'
+_PATH = 'nav_msgs/msg/Path'
 _STAMPED_TWIST = 'geometry_msgs/msg/TwistStamped'
 _KINDS = {'geometry_msgs/msg/PolygonStamped': POLYGON,
           'polygon_msgs/msg/Polygon2DStamped': POLYGON_2D,
@@ -193,9 +194,10 @@ def settings_for(types: Mapping[str, str], parameters: Mapping[str, object],
 
 
 def all_sources(settings: Settings) -> tuple[Source, ...]:
-    """Return all settings that have a topic: footprints, sources of obstacles, commands."""
+    """Return all settings that have a topic: footprints, sources, commands, paths."""
     return (*settings.footprints, *settings.obstacles,
-            *(one.command for one in settings.footprints if one.command))
+            *(one.command for one in settings.footprints if one.command),
+            *(path for one in settings.footprints if (path := one.path_settings)))
 
 
 def wrong_types(settings: Settings, types: Mapping[str, str]) -> Iterator[tuple[str, str]]:
@@ -230,6 +232,8 @@ def _types_of(source: Source) -> tuple[str, ...]:
     """Return the types that the topic of a source may have."""
     if isinstance(source, CommandSettings):
         return _STAMPED_TWIST, TWIST_TYPE
+    if isinstance(source, PathSettings):
+        return _PATH,
     if isinstance(source, ObstacleSettings):
         return _TYPES[source.type],
     if source.has_outline:

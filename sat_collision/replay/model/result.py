@@ -29,6 +29,7 @@ Sample: TypeAlias = tuple[int, 'float | None']  # a time in ns, and a separation
 NODE = '/footprint_monitor'
 RECEIVE = 'receive'
 HEADER = 'header'
+PLAN = 'plan'
 _SECOND = 10**9
 # Number of moments drawn over all time, and around each of the deepest contacts; max number of
 # these contacts.
@@ -55,6 +56,7 @@ class Options:
     max_unknown: float = 1.0  # for how long in all a footprint may be unknown
     max_undetermined: float | None = None  # for how long a motion may be; None for any time
     min_ttc: float | None = None  # the least that is allowed, 0 for any; None to predict none
+    fail_on: str | None = None  # PLAN: no plan may be in contact, or unknown
     sample: float = 0.1  # as live, how often to measure separations
     keyframes: bool = False  # keep where the bodies were, to be drawn
     write_bag: str | None = None  # as live, where to write what the node would have published
@@ -168,6 +170,20 @@ class Soonest:
 
 
 @dataclass
+class PlanContact:
+    """A plan, which counts from `time` until just before `until`, meets an obstacle."""
+
+    footprint: str
+    obstacle: str
+    time: int
+    until: int
+    pose: float  # counted from 0 in the plan, 3.25 between 3 and 4
+    metres: float  # along the plan, from where the robot is
+    way: list[list[float]] = field(default_factory=list)  # the plan until there, (n, 2) in m
+    outline: list[list[float]] = field(default_factory=list)  # the footprint there, (n, 2) in m
+
+
+@dataclass
 class FootprintResult:
     """How long (ns) a footprint was in each state, and how near the nearest obstacle was."""
 
@@ -185,6 +201,8 @@ class FootprintResult:
     soonest: Soonest | None = None
     # In s, None where unknown or where no collision is within the horizon.
     time_to_collision: list[Sample] = field(default_factory=list)
+    plans: int | None = None  # how many were checked, None without a path
+    plans_unknown: dict[str, int] = field(default_factory=dict)  # how many were not, by reason
 
     @property
     def coverage(self) -> float | None:
@@ -236,6 +254,7 @@ class Result:
     problems: list[str] = field(default_factory=list)  # what is wrong with the recording
     notes: list[str] = field(default_factory=list)  # what else a reader should know
     keyframes: Keyframes | None = None  # the bodies at moments worth drawing, if asked for
+    plan_contacts: list[PlanContact] = field(default_factory=list)
 
     @property
     def duration(self) -> float:
@@ -291,13 +310,22 @@ class Result:
             if footprint.soonest and footprint.soonest.time_to_collision < limit]
 
     @property
+    def planners(self) -> list[FootprintResult]:
+        """The footprints whose plans count for the verdict."""
+        return [] if self.options.fail_on != PLAN else [
+            footprint for footprint in self.footprints
+            if footprint.enabled and footprint.plans is not None]
+
+    @property
     def verdict(self) -> Verdict:
         """The verdict: a contact, or too short a time to one, outweighs whatever else is wrong."""
-        if self.contacts or self.too_soon:
+        planners = self.planners
+        if self.contacts or self.too_soon or planners and self.plan_contacts:
             return Verdict.COLLISION
         if self.problems:
             return Verdict.BAD_INPUT
         if self.too_unknown or self.too_undetermined or any(
+                one.plans_unknown or not one.plans for one in planners) or any(
                 source.refused for source in self.sources) or not any(
                 footprint.enabled for footprint in self.footprints):
             return Verdict.UNKNOWN

@@ -21,8 +21,8 @@ from sat_collision.demo import warehouse
 from sat_collision.messages.interfaces import (
     Point32, PolygonStamped, serialize, Time, type_name)
 from sat_collision.messages.outputs import Outputs
+from sat_collision.monitor import Monitor
 from sat_collision.replay.bag.storage import check_bag_writer, is_installed
-from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import Settings
 
 _SECOND = 10**9
@@ -48,11 +48,12 @@ _PARAMETERS = """\
 class BagOutputs:
     """Writes flags, separations, states and markers to a new bag, as a stand-in for the node."""
 
-    def __init__(self, path: str, node: str, settings: Settings, scene: Scene) -> None:
+    def __init__(self, path: str, node: str, settings: Settings, monitor: Monitor) -> None:
         self._node = node
         self._time = 0
         self._writer = _new_bag(Path(path))
-        self._outputs = Outputs(self, settings, scene)
+        self._outputs = Outputs(self, settings, monitor.scene)
+        self._paths = monitor.paths
 
     def change(self, names: Iterable[str], now: int) -> None:
         """Write what the node publishes when states change."""
@@ -61,9 +62,11 @@ class BagOutputs:
         self._outputs.publish(names)
 
     def publish(self, now: int) -> None:
-        """Write what the node publishes periodically: flags and states."""
+        """Write what the node publishes periodically: flags, states and what paths meet."""
         self._time = now
         self._outputs.publish()
+        self._paths.check(now)
+        self._outputs.publish_paths()
 
     def publish_markers(self, now: int) -> None:
         self._time = now

@@ -30,12 +30,13 @@ from xml.etree import ElementTree
 
 from sat_collision.replay.model.result import FootprintResult, Options, overall, Result
 from sat_collision.replay.output.text import (
-    how_found, how_soon, how_undetermined, lasting, report, summary)
+    how_found, how_soon, how_undetermined, lasting, plan_failures, report, summary)
 
 SCHEMA = 'sat_collision.replay/4'
 _COLUMNS = ('bag', 'kind', 'footprint', 'obstacle', 'first_ns', 'last_ns', 'duration_s', 'depth_m',
             'deepest_ns', 'x_m', 'y_m', 'reason', 'found', 'normal_x', 'normal_y', 'point_x_m',
-            'point_y_m', 'second_point_x_m', 'second_point_y_m', 'time_to_collision_s')
+            'point_y_m', 'second_point_x_m', 'second_point_y_m', 'time_to_collision_s', 'pose',
+            'along_m')
 # A test case: recording, subject, how it would fail (error or failure), and what is wrong.
 _Case: TypeAlias = tuple[str, str, str, list[str]]
 _Values: TypeAlias = dict[str, Any]
@@ -44,13 +45,13 @@ _Values: TypeAlias = dict[str, Any]
 _NOT_IN_XML = re.compile('[\0-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]')
 
 # These are rounded, on another processor or by another NumPy maybe otherwise.
-_ROUNDED = {'x', 'y', 'depth', 'separation', 'time_to_collision'}
+_ROUNDED = {'x', 'y', 'depth', 'separation', 'time_to_collision', 'pose', 'metres'}
 _TOLERANCE = 1e-9
 # Not compared, because where two normals are equally good rounding chooses one.
 _MANIFOLD = {'normal', 'points'}
 _CURVES = {'separation', 'time_to_collision'}
 _LEFT_OUT = {'bag', 'content', 'problems', 'notes', 'max_unknown', 'max_undetermined',
-             'min_ttc'}
+             'min_ttc', 'fail_on'}
 
 
 def as_dict(results: list[Result]) -> _Values:
@@ -68,7 +69,7 @@ def write_json(results: list[Result], path: str) -> None:
 
 
 def write_csv(results: list[Result], path: str) -> None:
-    """Write a row for each contact, each unknown interval and each time to collision."""
+    """Write a row for each contact, unknown interval, time to collision and plan in contact."""
     with open(path, 'w', encoding='utf-8', errors='backslashreplace', newline='') as file:
         writer = csv.DictWriter(file, _COLUMNS)
         writer.writeheader()
@@ -90,7 +91,11 @@ def _rows(result: Result) -> Iterator[tuple[Any, ...]]:
         for time, seconds in footprint.time_to_collision:
             if seconds is not None:
                 yield (result.bag, 'time to collision', footprint.name, '', time, time,
-                       *[''] * (len(_COLUMNS) - 7), seconds)
+                       *[''] * (_COLUMNS.index('time_to_collision_s') - 6), seconds)
+    for plan in result.plan_contacts:
+        yield (result.bag, 'plan', plan.footprint, plan.obstacle, plan.time, plan.until,
+               (plan.until - plan.time) / 1e9, *[''] * (_COLUMNS.index('pose') - 7), plan.pose,
+               plan.metres)
 
 
 def write_junit(results: list[Result], path: str) -> None:
@@ -103,6 +108,8 @@ def write_junit(results: list[Result], path: str) -> None:
                   for source in result.too_undetermined]
         cases += [(f'messages of {source.name}', 'failure', [*source.examples.values()])
                   for source in result.sources if source.refused]
+        cases += [(f'plans of {footprint.name}', 'failure', plan_failures(footprint, result))
+                  for footprint in result.planners]
         cases += [(footprint.name, 'failure', [*_failures(footprint, result)])
                   for footprint in result.footprints if footprint.enabled]
         suite = _suite(result.bag, [(result.bag, *case) for case in cases])
@@ -161,14 +168,19 @@ def _bag(result: Result) -> _Values:
         'verdict': result.verdict.words, 'duration': result.duration,
         'messages': result.messages, 'clock': options.clock, 'max_unknown': options.max_unknown,
         'max_undetermined': options.max_undetermined, 'min_ttc': options.min_ttc,
+        'fail_on': options.fail_on,
         **dataclasses.asdict(dataclasses.replace(result, keyframes=None, options=Options()))}
     del bag['keyframes'], bag['options']
     for contact in bag['contacts']:
         del contact['deepest_as']
+    for plan in bag['plan_contacts']:
+        del plan['way'], plan['outline']
     for footprint, values in zip(result.footprints, bag['footprints']):
         values['coverage'] = footprint.coverage
         if options.min_ttc is None:
             del values['soonest'], values['time_to_collision']
+        if footprint.plans is None:
+            del values['plans'], values['plans_unknown']
     return bag
 
 
@@ -228,6 +240,7 @@ def _compared_part(bag: _Values) -> BaselineBag:
         'sources': {one['name']: _without(one, {'examples'}) for one in bag['sources']},
         'contacts': _numbered([_without(one, _MANIFOLD) for one in bag['contacts']],
                               'footprint', 'obstacle'),
+        'plan_contacts': _numbered(bag['plan_contacts'], 'footprint'),
         'unknown': _numbered(bag['unknown'], 'footprint')})
 
 

@@ -67,12 +67,13 @@ function showTables() {
   for (const one of recording.tables) {
     if (!one.rows.length) continue;
     const heading = element('h2', one.title);
-    const jumps = one.title === 'Contacts';
-    heading.append(element('small', [jumps ? 'choose one to see where it is deepest' : '',
-      one.note].filter(Boolean).join('; ')));
+    const [hint, onChoice] = {
+      'Contacts': ['choose one to see where it is deepest', jump],
+      'Plans in contact': ['choose one to see it', jumpToPlan]}[one.title] || ['', null];
+    heading.append(element('small', [hint, one.note].filter(Boolean).join('; ')));
     const wide = element('div', '', 'wide');
     wide.id = one.title.toLowerCase();
-    wide.append(table(one, jumps ? jump : null));
+    wide.append(table(one, onChoice));
     parts.push(heading, wide);
   }
   at('tables').replaceChildren(...parts);
@@ -150,6 +151,17 @@ function jump(k) {
   lookAt(contact.footprint, contact.x, contact.y);
   go(now);
   choose(document.querySelectorAll('#contacts tbody tr'), k);
+}
+
+function jumpToPlan(k) {
+  const {first, way, outline} = recording.plans[k];
+  stop();
+  lookAtAll();
+  if (way.length) {
+    const {x, y, size} = bounds([...way, ...outline]);
+    fit(x, y, 0.6 * size, 0.6 * size);
+  }
+  go(first);
 }
 
 function stop() {

@@ -22,10 +22,12 @@ from typing import Any
 import numpy as np
 from sat_collision.replay.model.keyframes import Floats, Keyframes, ShownBody
 from sat_collision.replay.model.result import (
-    Contact, deepest_contacts, least_of_all, MAX_CONTACTS, overall, Result, Sample, SEVERITY)
+    Contact, deepest_contacts, least_of_all, MAX_CONTACTS, overall, PlanContact, Result, Sample,
+    SEVERITY)
 from sat_collision.replay.output.text import (
     CLOCKS, colours, contact_row, CONTACTS, distance, footprint_row, FOOTPRINTS, lanes_of, name_of,
-    SOONEST, soonest_rows, UNKNOWN, unknown_row, unknown_times)
+    plan_contact_row, PLAN_CONTACTS, plan_rows, PLANS, SOONEST, soonest_rows, UNKNOWN, unknown_row,
+    unknown_times)
 
 _SCRIPTS = ('page.js', 'timeline.js', 'scene.js')
 # Max characters of a page's data; the rest of the page is small.
@@ -36,6 +38,8 @@ _UNIT = 1e-4
 _MAX_ROWS = 200
 _MAX_SAMPLES = 40_000
 _FEWEST_MOMENTS = 24
+# Max number of places of a plan that is drawn.
+_MAX_PLACES = 200
 # Characters: two numbers of two digits, and commas.
 _LEAST_OF_VERTEX = 6
 
@@ -133,6 +137,7 @@ def _recording(result: Result, keyframes: Keyframes, numbers: list[int],
             {**bar._asdict(), 'contact': places.get(id(bar.contact))} for bar in lane.bars]}
             for lane in lanes_of(result)],
         'contacts': [_contact(contact, result, rows, names) for contact in contacts],
+        'plans': [_plan(one, result, names) for one in result.plan_contacts[:_MAX_ROWS]],
         'times': [round(result.since(time), 6) for time in moments], 'unit': _UNIT,
         'bodies': [_body(body, names, numbers) for body in bodies],
         'begin': result.since(least.time if least else result.start or 0),
@@ -170,6 +175,15 @@ def _contact(contact: Contact, result: Result, rows: dict[ShownBody, int],
         'first': result.since(contact.first), 'last': result.since(contact.last),
         'deepest': result.since(contact.deepest),
         'bodies': [rows[body] for body in bodies if body in rows]}
+
+
+def _plan(contact: PlanContact, result: Result, names: dict[str, int]) -> dict[str, Any]:
+    count = len(contact.way)
+    way = [contact.way[int(k)] for k in np.linspace(0, count - 1, min(count, _MAX_PLACES))]
+    return {'footprint': names[contact.footprint], 'first': result.since(contact.time),
+            'last': result.since(contact.until),
+            **{key: np.round(places, 4).ravel().tolist()
+               for key, places in (('way', way), ('outline', contact.outline))}}
 
 
 def _body(body: ShownBody, names: dict[str, int], numbers: Sequence[int]) -> dict[str, Any]:
@@ -237,10 +251,15 @@ def _tables_of(result: Result, contacts: list[Contact]) -> list[dict[str, Any]]:
     more = len(result.contacts) - len(contacts)
     deepest = f'the {MAX_CONTACTS} deepest; {more} more are in what --csv and --json write'
     longest = sorted(result.unknown, key=lambda one: one.first - one.last)[:_MAX_ROWS]
+    plans = result.plan_contacts
+    first = f'the first {_MAX_ROWS} of {len(plans)}' if len(plans) > _MAX_ROWS else ''
     hidden = f'the {_MAX_ROWS} longest of {len(result.unknown)}'
     tables: list[tuple[str, str, tuple[str, ...], Sequence[Sequence[str]]]] = [
         ('Contacts', deepest if more else '', CONTACTS,
          [contact_row(contact, result) for contact in contacts]),
+        ('Plans in contact', first, PLAN_CONTACTS,
+         [plan_contact_row(one, result) for one in plans[:_MAX_ROWS]]),
+        ('Plans', '', PLANS, plan_rows(result)),
         ('Unknown', hidden if len(longest) < len(result.unknown) else '', UNKNOWN,
          [unknown_row(one, reason, result)
           for one in sorted(longest, key=lambda one: one.first) for reason in one.reasons]),

@@ -67,9 +67,15 @@ function pathOf(ring, {x, y}) {
   if (ring.length === 2) {
     return `M${x(ring[0]) - 3},${y(ring[1])}a3,3 0 1 0 6,0a3,3 0 1 0 -6,0`;
   }
+  return `${lineOf(ring, {x, y})}Z`;
+}
+
+function lineOf(places, {x, y}) {
   let path = 'M';
-  for (let i = 0; i < ring.length; i += 2) path += `${x(ring[i]).toFixed(1)},${y(ring[i + 1]).toFixed(1)} `;
-  return `${path}Z`;
+  for (let i = 0; i < places.length; i += 2) {
+    path += `${x(places[i]).toFixed(1)},${y(places[i + 1]).toFixed(1)} `;
+  }
+  return path;
 }
 
 function drawScene() {
@@ -107,6 +113,8 @@ function drawScene() {
     drawn.append(svg('path', {class: `footprint${state}`, d: pathOf(ring, scale), stroke: colour,
       fill: colour, 'data-footprint': footprint}));
   }
+  recording.plans.filter(one => one.first <= now && now <= one.last)
+    .forEach(one => drawPlan(drawn, one, scale));
   present.forEach(one => drawManifold(drawn, one, scale));
   writeNames(drawn, [...own, ...named], scale);
   scene.replaceChildren(drawn);
@@ -139,6 +147,14 @@ function drawManifold(drawn, contact, {x, y}) {
       svg('path', {d: `M${x(px)},${y(py)}L${x(px + reach * nx)},${y(py + reach * ny)}`}));
   }
   drawn.append(group);
+}
+
+// A plan until it meets an obstacle, and the footprint there.
+function drawPlan(drawn, {footprint, way, outline}, scale) {
+  if (!way.length) return;
+  const {colour} = recording.footprints[footprint];
+  drawn.append(svg('path', {class: 'plan', stroke: colour, d: lineOf(way, scale)}),
+    svg('path', {class: 'plan', stroke: colour, d: `${lineOf(outline, scale)}Z`}));
 }
 
 // Names of footprints and of what they touch, moved up until none covers another.

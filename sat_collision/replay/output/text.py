@@ -20,8 +20,8 @@ import time
 from typing import Any, NamedTuple, TextIO
 
 from sat_collision.replay.model.result import (
-    BETWEEN_SAMPLES, Contact, deepest_contacts, FootprintResult, joined, overall, Result,
-    SourceResult, Unknown, Verdict)
+    BETWEEN_SAMPLES, Contact, deepest_contacts, FootprintResult, joined, overall, PlanContact,
+    Result, SourceResult, Unknown, Verdict)
 
 _MAX_ROWS = 20
 _MAX_WORST = 5
@@ -31,6 +31,8 @@ FOOTPRINTS = ('footprint', 'known', 'clear [s]', 'collision [s]', 'unknown [s]',
 CONTACTS = ('footprint', 'obstacle', 'first [s]', 'duration [s]', 'depth [m]', 'x [m]', 'y [m]',
             'found')
 UNKNOWN = 'footprint', 'first [s]', 'duration [s]', 'reason'
+PLANS = 'footprint', 'plans', 'unknown', 'why'
+PLAN_CONTACTS = 'footprint', 'obstacle', 'at [s]', 'pose', 'after [m]'
 SOONEST = 'footprint', 'obstacle', 'at [s]', 'time to collision [s]'
 # Green, red, yellow and magenta.
 _COLOURS = {Verdict.CLEAR: 32, Verdict.COLLISION: 31, Verdict.UNKNOWN: 33, Verdict.BAD_INPUT: 35}
@@ -115,6 +117,9 @@ def report(result: Result) -> list[str]:
     lines += _table(FOOTPRINTS, [footprint_row(footprint, result)
                                  for footprint in result.footprints], 'footprints')
     lines += _table(SOONEST, soonest_rows(result), 'least time to collision')
+    lines += _table(PLANS, plan_rows(result), 'plans checked')
+    lines += _table(PLAN_CONTACTS, [plan_contact_row(one, result) for one in result.plan_contacts],
+                    'plans in contact')
     lines += _table(CONTACTS, [contact_row(contact, result) for contact in result.contacts],
                     'contacts')
     lines += _table(
@@ -168,6 +173,29 @@ def soonest_rows(result: Result) -> list[tuple[str, ...]]:
     return [(footprint.name, least.obstacle, f'{result.since(least.time):.3f}',
              f'{least.time_to_collision:.3f}')
             for footprint in result.footprints if (least := footprint.soonest)]
+
+
+def plan_rows(result: Result) -> list[tuple[str, ...]]:
+    """Return a row of PLANS for each footprint with a path."""
+    return [(one.name, str(one.plans), str(sum(one.plans_unknown.values())),
+             ', '.join(f'{reason} ({count})' for reason, count in one.plans_unknown.items()))
+            for one in result.footprints if one.plans is not None]
+
+
+def plan_contact_row(contact: PlanContact, result: Result) -> tuple[str, ...]:
+    """Return a plan in contact as a row of PLAN_CONTACTS."""
+    return (contact.footprint, contact.obstacle, f'{result.since(contact.time):.3f}',
+            f'{contact.pose:.2f}', f'{contact.metres:.3f}')
+
+
+def plan_failures(footprint: FootprintResult, result: Result) -> list[str]:
+    """Return in words which plans of a footprint are in contact or unknown, or that none was."""
+    found = [f'the plan at {result.since(one.time):.3f} s is in contact with {one.obstacle} at '
+             f'pose {one.pose:.2f}, after {one.metres:.3f} m'
+             for one in result.plan_contacts if one.footprint == footprint.name]
+    found += [f'{count} plans are unknown: {reason}'
+              for reason, count in footprint.plans_unknown.items()]
+    return found or ([] if footprint.plans else ['there is no plan'])
 
 
 def lasting(duration: int) -> str:

@@ -17,7 +17,8 @@ import numpy as np
 import pytest
 from recordings import box, drive, main, write
 from sat_collision.replay.model.keyframes import Keyframes
-from sat_collision.replay.model.result import Contact, FootprintResult, Result, Unknown
+from sat_collision.replay.model.result import (
+    Contact, FootprintResult, PlanContact, Result, Unknown)
 from sat_collision.replay.output.bag import write_example
 from sat_collision.replay.output.page import write_page
 
@@ -391,6 +392,24 @@ def test_page_fits_desktop_and_phone(page, of_crowd, width, height, scheme):
         assert len(set(colours)) == 13
     finally:
         device(chromium, 0, 0)
+
+
+def test_plan_in_contact_is_drawn_while_it_counts(page, tmp_path):
+    """Its way, and the outline where it meets the obstacle; a click in the table shows it."""
+    result = Result('bag', origin=0, start=0, end=4 * 10**9)
+    result.footprints = [FootprintResult('robot', '/a', True, plans=2)]
+    result.plan_contacts = [PlanContact(
+        'robot', 'shelf/0', 10**9, 2 * 10**9, 0.9, 9.0, [[0.5, 0.5], [9.5, 0.5]], box(9.0))]
+    keyframes = result.keyframes = Keyframes([0, 4 * 10**9])
+    keyframes.add(True).show(0, 2, 'robot', np.array(box(0.0)))
+    write_page([result], tmp_path / 'page.html')
+    shown = page(tmp_path / 'page.html')
+    plans = 'return document.querySelectorAll("#scene path.plan").length'
+    assert shown.text('#clock') == '0.000 s' and shown.chromium.execute_script(plans) == 0
+    shown.click('[id="plans in contact"] tbody tr')
+    assert shown.text('#clock') == '1.000 s' and shown.chromium.execute_script(plans) == 2
+    shown.drag(0.9)
+    assert shown.chromium.execute_script(plans) == 0
 
 
 @pytest.mark.long

@@ -51,10 +51,8 @@ _ENCAPSULATION_SIZE = 4
 _COUNTED_SIZE = 8
 _STAMPED_SIZE = 12
 _TRANSFORM_SIZE = 56
-# Pose and twist, each with a covariance.
-_ODOMETRY_SIZE = 8 * 2 * 36 + 8 * (7 + 6)
 _TWIST_SIZE = 8 * 6
-_TWIST_COVARIANCE_SIZE = 8 * 36
+_COVARIANCE_SIZE = 8 * 36
 _SECOND = 1_000_000_000
 _NOT_UTF8 = 'a frame name is not UTF-8'
 
@@ -210,7 +208,7 @@ class _Order:
         self.identity = struct.Struct(f'{sign}q').unpack_from
         self.head = struct.Struct(f'{sign}iII').unpack_from
         self.transform = struct.Struct(f'{sign}7d').unpack_from
-        self.twist = struct.Struct(f'{sign}2d24x1d').unpack_from
+        self.twist = struct.Struct(f'{sign}2d24xd').unpack_from
 
 
 _ORDERS = {b'\x00\x01\x00\x00': _Order('<'), b'\x00\x00\x00\x00': _Order('>')}
@@ -246,8 +244,8 @@ def decode_transforms(data: bytes) -> list[StampedTransform]:
     return transforms
 
 
-def decode_odometry(data: bytes) -> StampedTransform:
-    """Read an Odometry as the transform that its pose is."""
+def decode_odometry(data: bytes) -> tuple[StampedTransform, Twist]:
+    """Read an Odometry: its pose as a transform, and the twist in the child frame."""
     try:
         order, stamp, parent, end = _read_either_header(data)
         start = ((end + 3) & ~3) + COUNT_SIZE
@@ -257,15 +255,9 @@ def decode_odometry(data: bytes) -> StampedTransform:
         transform = order.transform(data, at)
     except struct.error as error:
         raise MessageError('ends before its pose does') from error
-    _check_size(data, at + _ODOMETRY_SIZE)
-    return parent, child, stamp, transform
-
-
-def decode_twist(data: bytes) -> Twist:
-    """Read the twist in the child frame from a whole Odometry."""
-    vx, vy, omega = _ORDERS[data[:4]].twist(
-        data, len(data) - _TWIST_COVARIANCE_SIZE - _TWIST_SIZE)
-    return vx, vy, omega
+    at += _TRANSFORM_SIZE + _COVARIANCE_SIZE
+    _check_size(data, at + _TWIST_SIZE + _COVARIANCE_SIZE)
+    return (parent, child, stamp, transform), order.twist(data, at)
 
 
 def decode_path(data: bytes, most: int) -> tuple[int, str, NDArray[np.float64] | int]:
@@ -306,11 +298,11 @@ def decode_command(data: bytes) -> tuple[int, str, Twist]:
     try:
         order, stamp, frame_id, end = _read_either_header(data)
         at = ((end - 4 + 7) & ~7) + 4
-        vx, vy, omega = order.twist(data, at)
+        twist = order.twist(data, at)
     except struct.error as error:
         raise MessageError('ends before its twist does') from error
     _check_size(data, at + _TWIST_SIZE)
-    return stamp, frame_id, (vx, vy, omega)
+    return stamp, frame_id, twist
 
 
 def stamped(twist: bytes) -> bytes:

@@ -210,7 +210,11 @@ class Ingest:
             affine: Affine2D | None = None
             origin, followed = None, ''
             if points[2] and not 0 < len(frame_id) <= LONGEST_FRAME_ID:
-                return self.refuse(settings, *_fault_of(frame_id), now, stamp, instance, number)
+                fault = EMPTY_FRAME_ID, 'its header names no frame'
+                if frame_id:
+                    fault = LONG_FRAME_ID, (f'{len(frame_id)} characters where '
+                                            f'{LONGEST_FRAME_ID} are accepted')
+                return self.refuse(settings, *fault, now, stamp, instance, number)
             if self._transforms and frame_id != self._fixed and points[2]:
                 found = self._lookup(settings, frame_id, stamp, now)
                 if isinstance(found, NoTransform):
@@ -417,10 +421,3 @@ class Ingest:
         """Count a refused message and return its Rejection."""
         self.rejected[settings.name, reason] += 1
         return Rejection(settings.name, settings.topic, reason, detail)
-
-
-def _fault_of(frame_id: str) -> tuple[str, str]:
-    """Return reason and detail of the refusal of a frame_id."""
-    if not frame_id:
-        return EMPTY_FRAME_ID, 'its header names no frame'
-    return LONG_FRAME_ID, (f'{len(frame_id)} characters where {LONGEST_FRAME_ID} are accepted')

@@ -18,8 +18,7 @@ import struct
 
 from sat_collision.geometry.packing import TRIPLE
 from sat_collision.geometry.polygon import Affine2D, Points, Polygon, UNMOVED
-from sat_collision.messages.cdr import (
-    decode_command, decode_odometry, decode_twist, header_stamp, MessageError)
+from sat_collision.messages.cdr import decode_command, decode_odometry, MessageError
 from sat_collision.messages.ingest import Ingest
 from sat_collision.messages.rejections import (
     BAD_COMMAND, COMMAND_FRAME, detail_of, OTHER_BODY, Rejection, UNDECODABLE)
@@ -30,7 +29,7 @@ from sat_collision.scene.scene import FROM_FUTURE, Scene
 from sat_collision.scene.settings import CommandSettings, FootprintSettings, NEVER, Settings
 from sat_collision.scene.sources import TOO_OLD
 from sat_collision.scene.velocity import (
-    COMMAND, Command, is_plausible, ODOMETRY, Pose, pose_of, TRANSFORMS, Velocity)
+    COMMAND, Command, is_plausible, ODOMETRY, Pose, pose_of, TRANSFORMS, Twist, Velocity)
 
 # An outline in a static frame is placed again so many times within its timeout.
 _TIMES_PLACED = 3
@@ -51,8 +50,8 @@ class Outlines:
         self._outlines = {one.name: _PlacedOutline(one, settings.max_vertices)
                           for one in settings.footprints if one.has_outline}
         self.names = frozenset(self._outlines)
-        # The newest message of each topic of odometry, after its time.
-        self._odometry: dict[str, tuple[int, bytes]] = {}
+        # Of the newest message of each topic of odometry: time, child frame and twist.
+        self._odometry: dict[str, tuple[int, str, Twist]] = {}
         # Whether frames that are static are to be looked up although no message comes.
         self._is_clock_new = True
         self.configure(settings)
@@ -81,18 +80,22 @@ class Outlines:
     def receive(self, name: str, data: bytes, now: int) -> list[Rejection]:
         """Take a message of odometry for a footprint."""
         settings = self._outlines[name].settings
-        problem = self._transforms.receive_odometry(data, now)
-        if problem:
+        try:
+            pose, twist = decode_odometry(data)
+        except MessageError as error:
+            return [self._ingest.reject(settings, UNDECODABLE, str(error))]
+        if problem := self._transforms.receive_odometry(pose, now):
             return [self._ingest.reject(settings, *problem)]
-        child = decode_odometry(data)[1].removeprefix('/')
+        _, child, stamp, _ = pose
+        child = child.removeprefix('/')
         if not self._transforms.frames.is_carried(settings.frame_id, child):
             return [self._ingest.reject(settings, OTHER_BODY, (
                 f'it is of {in_quotes(child)}, with which {in_quotes(settings.frame_id)} does not '
                 'move'))]
         # The first of several footprints that receive a message moves all of them.
-        stamp = min(header_stamp(data) or now, now)
-        if stamp >= self._odometry.get(settings.topic, (0, b''))[0]:
-            self._odometry[settings.topic] = stamp, data
+        time = min(stamp or now, now)
+        if settings.topic not in self._odometry or time >= self._odometry[settings.topic][0]:
+            self._odometry[settings.topic] = time, child, twist
         return []
 
     def follow(self, now: int) -> list[Rejection]:
@@ -126,12 +129,13 @@ class Outlines:
             one.is_pending = True
             return None
         one.is_pending = False
-        if not self._is_clock_new:
-            one.begin(now)
+        if one.begun is None and not self._is_clock_new:
+            one.begun = now
         found = self._transforms.newest(settings.frame_id, now)
         if isinstance(found, NoTransform):
-            if one.fault == found.lasting or (found.may_come and not one.has_waited(
-                    now, self._timeout)):
+            has_waited = (one.stamp is None and one.begun is not None
+                          and now > one.begun + self._timeout)
+            if one.fault == found.lasting or found.may_come and not has_waited:
                 return None
             one.forget(found.lasting)
             return self._ingest.no_place(settings, found, now)
@@ -150,15 +154,14 @@ class Outlines:
             # With commands only the pose counts: the twist is that of the command.
             return Velocity((0.0, 0.0, 0.0), pose_of(found.affine),
                             COMMAND if one.settings.cmd_vel else TRANSFORMS)
-        _, odometry = self._odometry.get(one.settings.topic, (0, b''))
-        if not odometry:
+        if one.settings.topic not in self._odometry:
             return None
-        child = decode_odometry(odometry)[1].removeprefix('/')
+        _, child, twist = self._odometry[one.settings.topic]
         where = (found if child == one.settings.frame_id
                  else self._transforms.lookup_affine(child, found.at, found.at, 0.0))
         if isinstance(where, NoTransform):
             return None
-        return Velocity(decode_twist(odometry), pose_of(where.affine), ODOMETRY)
+        return Velocity(twist, pose_of(where.affine), ODOMETRY)
 
 
 class Commands:
@@ -211,7 +214,7 @@ class _PlacedOutline:
     """The outline of a footprint, and where it was placed last."""
 
     def __init__(self, footprint: FootprintSettings, max_vertices: int) -> None:
-        self._begun: int | None = None
+        self.begun: int | None = None
         self._outline: Outline = ()
         self.configure(footprint, max_vertices)
         self.forget()
@@ -228,10 +231,9 @@ class _PlacedOutline:
                                    len(outline), TRIPLE)
             self.forget()
             # Until it is placed it is unknown, which the scene must learn at once.
-            self._begun = 0
+            self.begun = 0
 
     def forget(self, fault: str = '') -> None:
-        """Reset the pose."""
         # The stamp of its last place, that place, and whether its frame is static.
         self.stamp: int | None = None
         self.affine: Affine2D = UNMOVED
@@ -239,18 +241,9 @@ class _PlacedOutline:
         # When it is due again, and whether it may have moved when it was too soon to place it.
         self.next = 0
         self.is_pending = False
-        # Why it has no place, as last reported.
+        # Why it has no place, as last reported; since when it has waited for one.
         self.fault = fault
-        self._begun = None
-
-    def begin(self, now: int) -> None:
-        """Start waiting for a place, unless that has begun."""
-        if self._begun is None:
-            self._begun = now
-
-    def has_waited(self, now: int, timeout: int) -> bool:
-        """Return whether it has had no place for longer than a timeout in ns."""
-        return self.stamp is None and self._begun is not None and now > self._begun + timeout
+        self.begun = None
 
     def is_moved(self, found: Mapped, now: int) -> bool:
         """Return whether a place is newer than the last one, or corrects it."""
@@ -266,8 +259,8 @@ class _PlacedOutline:
         if self.is_static:
             return self._refreshed - 1
         is_waiting = self.stamp is None and not self.fault and self.settings.enabled
-        if is_waiting and self._begun is not None:
-            return self._begun + timeout
+        if is_waiting and self.begun is not None:
+            return self.begun + timeout
         return NEVER
 
     @property

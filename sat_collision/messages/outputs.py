@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import islice
 import math
 import sys
@@ -24,13 +24,9 @@ from sat_collision.messages.interfaces import (
 from sat_collision.messages.markers import Markers, MAX_CONTACTS
 from sat_collision.messages.states import States
 from sat_collision.scene.footprints import State, Status
-from sat_collision.scene.prediction import Prediction
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import Settings
-from sat_collision.scene.view import Nearest
 
-_FLAGS = {raised: serialize(Bool(data=raised)) for raised in (False, True)}
-_UNKNOWN = serialize(Float64(data=math.nan))
 _NUMBERS = ('x', 'y', 'z', 'normal_x', 'normal_y', 'normal_z', 'depth')
 # A point of ~/<footprint>/contacts.
 _POINT = np.dtype([*((name, np.float32) for name in _NUMBERS), ('obstacle', np.uint32)])
@@ -38,6 +34,14 @@ _FIELDS = [
     *(PointField(name=name, offset=4 * k, count=1, datatype=PointField.FLOAT32)
       for k, name in enumerate(_NUMBERS)),
     PointField(name='obstacle', offset=4 * len(_NUMBERS), count=1, datatype=PointField.UINT32)]
+
+
+def _number(value: float) -> Any:
+    return serialize(Float64(data=value))
+
+
+_FLAGS = {raised: serialize(Bool(data=raised)) for raised in (False, True)}
+_UNKNOWN = _number(math.nan)
 
 
 def contact_cloud(scene: Scene, name: str, stamp: Any) -> Any:
@@ -90,18 +94,15 @@ class Outputs:
         self._flags = {
             footprint.name: node.create_publisher(Bool, f'~/{footprint.name}/collision', flag_qos)
             for footprint in settings.footprints}
-        self._separations = {
-            name: node.create_publisher(Float64, f'~/{name}/separation', 10)
-            for name in self._flags}
-        self._times = {
-            name: node.create_publisher(Float64, f'~/{name}/time_to_collision', 10)
-            for name in self._flags}
-        self._paths = {
-            one.name: node.create_publisher(Float64, f'~/{one.name}/path_contact_distance', 10)
-            for one in settings.footprints if one.path}
-        self._clouds = {
-            name: node.create_publisher(PointCloud2, f'~/{name}/contacts', 10)
-            for name in self._flags}
+
+        def publishers(kind: Any, topic: str, names: Iterable[str]) -> dict[str, Any]:
+            return {name: node.create_publisher(kind, f'~/{name}/{topic}', 10) for name in names}
+
+        self._separations = publishers(Float64, 'separation', self._flags)
+        self._times = publishers(Float64, 'time_to_collision', self._flags)
+        self._paths = publishers(Float64, 'path_contact_distance', (
+            one.name for one in settings.footprints if one.path))
+        self._clouds = publishers(PointCloud2, 'contacts', self._flags)
         self._raised: set[str] = set()
         self._node_name = node.get_fully_qualified_name()
         self._states = States(self._node_name, settings)
@@ -184,18 +185,27 @@ class Outputs:
         measured = [name for name in names if name in self._measured]
         timed = [name for name in names if name in self._timed]
         clouded = [name for name in names if self.measures and name in self._clouded]
-        nearest = {name: self._nearest(name)
+        known = {name for name in self._flags
+                 if self.measures and self._scene.status(name) is not Status.UNKNOWN}
+        nearest = {name: self._scene.nearest(name) if name in known else None
                    for name in (self._flags if self._with_states else measured)}
-        predictions = {name: self._scene.prediction(name) if self._is_measured(name) else None
+        predictions = {name: self._scene.prediction(name) if name in known else None
                        for name in (self._flags if self._with_states else timed)}
         for name in measured:
-            self._publish_separation(name, nearest[name])
+            found = nearest[name]
+            self._separations[name].publish(
+                _number(found[1] if found else math.inf) if name in known else _UNKNOWN)
         for name in timed:
-            self._publish_time(name, predictions[name])
+            prediction = predictions[name]
+            self._times[name].publish(_number(prediction.seconds) if prediction and
+                                      prediction.is_known else _UNKNOWN)
         if self._with_states or clouded:
             stamp = self._clock.now().to_msg()
         if self._with_states:
-            self._publish_states(nearest, predictions, stamp)
+            self._states.update(self._scene, predictions)
+            for name, found in nearest.items():
+                self._states.write_moving(name, self._scene, found, predictions[name])
+            self._state_publisher.publish(self._states.message(stamp))
         for name in clouded:
             self._clouds[name].publish(contact_cloud(self._scene, name, stamp))
 
@@ -226,35 +236,7 @@ class Outputs:
     def publish_paths(self) -> None:
         """Publish how far along its path each footprint meets an obstacle."""
         for name, found in self._scene.path_checks.items():
-            self._paths[name].publish(serialize(Float64(data=found.metres)))
-
-    def _nearest(self, name: str) -> Nearest | None:
-        """Return the obstacle nearest to a footprint, None if there is none or it is unknown."""
-        return self._scene.nearest(name) if self._is_measured(name) else None
-
-    def _is_measured(self, name: str) -> bool:
-        return self.measures and self._scene.status(name) is not Status.UNKNOWN
-
-    def _publish_separation(self, name: str, nearest: Nearest | None) -> None:
-        """Publish the separation of the nearest obstacle: infinity if none, NaN if unknown."""
-        if self._is_measured(name):
-            separation = nearest[1] if nearest else math.inf
-            self._separations[name].publish(serialize(Float64(data=separation)))
-        else:
-            self._separations[name].publish(_UNKNOWN)
-
-    def _publish_time(self, name: str, prediction: Prediction | None) -> None:
-        """Publish the time to collision: infinity if not within the horizon, NaN if unknown."""
-        self._times[name].publish(
-            serialize(Float64(data=prediction.seconds)) if prediction and prediction.is_known
-            else _UNKNOWN)
-
-    def _publish_states(self, nearest: Mapping[str, Nearest | None],
-                        predictions: Mapping[str, Prediction | None], stamp: Any) -> None:
-        self._states.update(self._scene, predictions)
-        for name, found in nearest.items():
-            self._states.write_moving(name, self._scene, found, predictions[name])
-        self._state_publisher.publish(self._states.message(stamp))
+            self._paths[name].publish(_number(found.metres))
 
     def publish_markers(self, draws: bool = True) -> None:
         """Publish the markers if they have subscribers: those drawn last unless it draws."""

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections import Counter
 
-from sat_collision.messages.cdr import decode_odometry, decode_transforms, MessageError
+from sat_collision.messages.cdr import decode_transforms, MessageError, StampedTransform
 from sat_collision.messages.rejections import Rejection, UNDECODABLE
 from sat_collision.scene.frames import Frames, in_quotes, in_words, Mapped, NoTransform
 from sat_collision.scene.rotations import Transform
@@ -30,7 +30,7 @@ _OTHERS = 'other frames'
 
 class TransformListener:
     """
-    Passes serialised TFMessages and Odometry to a buffer of transforms.
+    Passes serialised TFMessages, and the poses of odometry, to a buffer of transforms.
 
     Bad transforms are counted and returned, as a Rejection or as the reason and detail of one.
     """
@@ -82,7 +82,10 @@ class TransformListener:
             else:
                 refusal = insert(parent, child, stamp, transform, static)
             if refusal:
-                self._count(in_words(child), refusal)
+                key = in_words(child), refusal
+                if key not in self.rejected and len(self.rejected) >= _MAX_COUNTED:
+                    key = _OTHERS, refusal
+                self.rejected[key] += 1
                 detail = (_ahead(child, stamp, now) if refusal == FROM_FUTURE else
                           _detail(parent, child, transform, 'by an unknown publisher '))
                 rejections.append(Rejection(topic, topic, refusal, detail))
@@ -95,12 +98,9 @@ class TransformListener:
         self.transforms += len(transforms) - len(rejections)
         return rejections
 
-    def receive_odometry(self, data: bytes, now: int) -> tuple[str, str] | None:
-        """Take an Odometry; return reason and detail if it is refused."""
-        try:
-            parent, child, stamp, transform = decode_odometry(data)
-        except MessageError as error:
-            return UNDECODABLE, str(error)
+    def receive_odometry(self, pose: StampedTransform, now: int) -> tuple[str, str] | None:
+        """Take the pose of an Odometry; return reason and detail if it is refused."""
+        parent, child, stamp, transform = pose
         if now and stamp > now + self._tolerance:
             return FROM_FUTURE, _ahead(child, stamp, now)
         # One that is ahead of the clock must not shut out those that follow.
@@ -110,12 +110,6 @@ class TransformListener:
             return refusal, _detail(parent, child, transform)
         self.transforms += 1
         return None
-
-    def _count(self, child: str, refusal: str) -> None:
-        key = child, refusal
-        if key not in self.rejected and len(self.rejected) >= _MAX_COUNTED:
-            key = _OTHERS, refusal
-        self.rejected[key] += 1
 
     def stamps(self, frame_id: str, after: int, until: int) -> list[int]:
         """Return the stamps in ns, between two times, of the transforms of a frame."""

@@ -21,7 +21,8 @@ from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from sat_collision.scene.parameters import (
-    check_names_given, declare_parameters, ParameterError, read_settings, type_problem)
+    check_names_given, declare_parameters, ParameterError, read_settings, type_problem,
+    without_value)
 from sat_collision.scene.settings import Settings, Spec
 
 
@@ -71,7 +72,7 @@ class Parameters:
             raise ParameterError(
                 given and type_problem(name, given.value, default) or error) from error
         if value is None:
-            raise ParameterError(f"parameter '{name}' has no value")
+            raise ParameterError(without_value(name))
         return value
 
     def _validate(self, parameters: list[Parameter]) -> SetParametersResult:

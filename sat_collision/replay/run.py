@@ -159,15 +159,18 @@ class _Run:
                     else start + round(options.duration * 1e9))
             if start > recording.end or stop == start:
                 result.notes.append(
-                    'the recording has nothing in the time given by --start and --duration')
+                    'the recording has nothing in the time given by --start and --duration: it '
+                    f'has {(recording.end - recording.start) / 1e9:.3f} s, and --start counts '
+                    'from its beginning')
             else:
                 end = recording.end if stop is None else min(stop, recording.end)
                 self._play(names, start, stop, end, progress)
         for topic, details in self._undecodable.items():
             result.problems.append(f'{recording.path}: {len(details)} messages on {topic} cannot '
                                    f'be decoded, the first one: {details[0]}')
-        if recording.topics and not recording.counts.total():
-            result.notes.append('the recording has no messages')
+        if not recording.counts.total() and (recording.topics or not recording.problems):
+            result.notes.append('the recording has no messages: were the topics published while '
+                                'it was made, with a QoS that suits the recorder?')
         result.sources = [self._result_of(source) for source in all_sources(self._settings)]
         result.footprints = self._footprints
         result.contacts = self._timeline.contacts

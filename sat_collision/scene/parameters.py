@@ -126,6 +126,11 @@ def type_problem(name: str, value: object, default: object) -> str | None:
     return f"parameter '{name}' is {value!r}, but must be {_TYPES[wanted]}{hint}"
 
 
+def without_value(name: str) -> str:
+    """Say that a parameter has no value, which is how ROS 2 takes an empty array in a file."""
+    return f"parameter '{name}' has no value: give it one, or leave it out"
+
+
 def read_settings(footprints: Iterable[str], obstacles: Iterable[str],
                   value: Callable[[str], Any], resolve: Callable[[str], str]) -> Settings:
     """
@@ -240,6 +245,8 @@ def _pairs(settings: FootprintSettings) -> list[tuple[float, float]]:
         return list(zip(points[::2], points[1::2]))
     try:
         pairs = [(float(x), float(y)) for x, y in ast.literal_eval(points.strip())]
+        if not pairs:
+            raise ValueError('no points')
     # All that Python's parser, and numbers beyond the largest double, may raise.
     except (ValueError, TypeError, SyntaxError, MemoryError, RecursionError,
             OverflowError) as error:

@@ -231,7 +231,11 @@ def test_missing_topic_is_reported_with_unused_topics(bags, tmp_path, capsys):
                                    for topic in ('/footprint', '/people')])
     main([str(bag), '--obstacles', '/persons'], None)
     line, = (line for line in capsys.readouterr().out.splitlines() if 'no topic' in line)
-    assert '/persons; it has /people (polygon)' in line and '/footprint' not in line
+    assert '/persons; it has /people (polygon): choose with --obstacles' in line
+    assert '/footprint' not in line
+    main([str(bag), '--footprint', '/robot', '--obstacles', '/persons'], None)
+    line, = (line for line in capsys.readouterr().out.splitlines() if 'no topic /robot' in line)
+    assert line.endswith('it has /footprint (polygon), /people (polygon): choose with --footprint')
 
 
 @pytest.mark.parametrize('name', ('a.bag', 'a.db3'))

@@ -193,7 +193,10 @@ def test_part_of_a_recording(tmp_path):
     assert (result.start, result.end) == (START + 45 * SECOND // 10, START + 65 * SECOND // 10)
     assert result.messages == 3 * 20
     assert since(result, result.contacts[0].first, result.contacts[0].last) == [0.0, 0.5]
-    assert check(bag, Options(as_live=True, start=99.0)).verdict is Verdict.UNKNOWN
+    result = check(bag, Options(as_live=True, start=99.0))
+    assert result.verdict is Verdict.UNKNOWN
+    assert result.notes == ['the recording has nothing in the time given by --start and '
+                            '--duration: it has 10.000 s, and --start counts from its beginning']
 
 
 def test_recording_of_a_simulation_needs_the_header_clock(tmp_path):

@@ -86,6 +86,9 @@ class McapFile(Storage):
         try:
             self._file = os.open(path, os.O_RDONLY)
             self._size = os.fstat(self._file).st_size
+            if not self._size:
+                raise Damage('the file is empty: nothing was recorded, or it was not copied '
+                             'whole; record or copy it again')
             if self._read(0, len(_MAGIC)) != _MAGIC:
                 raise Damage('this is not an MCAP file')
             self._walk_summary()

@@ -23,7 +23,7 @@ from sat_collision.extras import in_one_line
 from sat_collision.replay.model.result import NODE
 from sat_collision.scene.parameters import (
     check_names_given, declare_parameters, is_name_of, ParameterError, parameters_by_node,
-    read_settings, type_problem)
+    read_settings, type_problem, without_value)
 from sat_collision.scene.settings import (
     CommandSettings, FootprintSettings, ObstacleSettings, PathSettings, POLYGON, POLYGON_2D,
     POLYGON_COLLECTION, POLYGON_INSTANCE, Settings, Spec)
@@ -136,8 +136,8 @@ def _flat(values: Mapping[str, Any], prefix: str = '') -> Iterator[tuple[str, An
 
 def _checked(name: str, value: Any, default: Any, spec: Spec) -> Any:
     """Return a value that has the type of the default and is within limits, as the node would."""
-    if value is None:
-        raise ParameterError(f"parameter '{name}' has no value")
+    if value is None or value == []:
+        raise ParameterError(without_value(name))
     if spec.is_any_type:
         return value
     if problem := type_problem(name, value, default):
@@ -214,12 +214,16 @@ def missing_topics(settings: Settings, types: Mapping[str, str]) -> Iterator[str
     taken = {source.topic for source in all_sources(settings)}
     candidates = [f'{topic} ({_KINDS[kind]})' for topic, kind in types.items()
                   if kind in _KINDS and topic not in taken]
-    instead = f'; it has {", ".join(candidates)}' if candidates else ''
     for source in all_sources(settings):
         if source.enabled and source.topic not in types:
-            nearest = get_close_matches(source.topic, types, 1)
-            hint = f'; did you mean {nearest[0]}?' if nearest else instead
-            yield f'{source.name}: the recording has no topic {source.topic}{hint}'
+            kind = 'obstacles' if isinstance(source, ObstacleSettings) else 'footprints'
+            if nearest := get_close_matches(source.topic, types, 1):
+                hint = f'did you mean {nearest[0]}?'
+            elif candidates and _types_of(source)[0] in _KINDS:
+                hint = f'it has {", ".join(candidates)}: choose with {_OPTIONS[kind]}'
+            else:
+                hint = 'record it, too'
+            yield f'{source.name}: the recording has no topic {source.topic}; {hint}'
 
 
 def is_subscribed(source: Source) -> bool:

@@ -451,12 +451,27 @@ def test_folder_of_recordings_is_bad_input(tmp_path):
     assert 'reindex' not in problem
 
 
+def test_empty_file(tmp_path):
+    """The message says what it is, and what to do."""
+    (tmp_path / 'a.mcap').touch()
+    result = check(tmp_path / 'a.mcap')
+    assert result.verdict is Verdict.BAD_INPUT
+    assert result.problems == [f'{tmp_path / "a.mcap"}: the file is empty: nothing was recorded, '
+                               'or it was not copied whole; record or copy it again']
+
+
+def test_recording_without_topics(tmp_path):
+    result = check(write_mcap(tmp_path / 'a.mcap', []))
+    assert result.verdict is Verdict.UNKNOWN
+    assert 'the recording has no messages: were the topics published' in result.notes[-1]
+
+
 def test_recording_with_topics_but_no_messages(tmp_path):
     create_db3(tmp_path / 'a.db3', CLEAR).close()
     run_sql(tmp_path / 'a.db3', 'DELETE FROM messages')
     result = check(tmp_path / 'a.db3')
     assert result.verdict is Verdict.UNKNOWN
-    assert 'the recording has no messages' in result.notes
+    assert 'the recording has no messages: were the topics published' in result.notes[-1]
 
 
 def test_folder_named_like_a_library_is_not_imported(tmp_path, monkeypatch):

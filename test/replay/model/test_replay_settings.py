@@ -90,9 +90,10 @@ def test_shipped_parameter_files_are_read(domain, name):
     'footprint.timeout:=-1.0', 'footprint.timeout:=.nan', f'{SOURCE}.max_count:=0',
     'publish_rate:=1000.0', 'footprints:=robot', 'footprints:=[left arm]', 'footprints:=[a, a]',
     'obstacles:=[footprint]', 'footprint.points:=3', 'footprint.points:=[a, b]',
-    'footprint.points:=[1.0, 2.0]', 'footprint.frame_id:=base', 'footprint.radius:=2.0',
-    'footprint.topic:=a b', "footprint.topic:=''", 'enabled:=1', 'margin:=1', 'frame_id:=5',
-    'margn:=1.0', f'{SOURCE}.timout:=1.0', 'scan.timeout:=1.0', 'colour:=red'])
+    'footprint.points:=[1.0, 2.0]', "footprint.points:='[]'", 'footprint.frame_id:=base',
+    'footprint.radius:=2.0', 'footprint.topic:=a b', "footprint.topic:=''", 'enabled:=1',
+    'margin:=1', 'frame_id:=5', 'margn:=1.0', f'{SOURCE}.timout:=1.0',
+    'scan.timeout:=1.0', 'colour:=red'])
 def test_parameters_that_the_node_refuses(domain, text):
     """In one line that names the parameter."""
     name, value = parameter_of_text(text)
@@ -109,7 +110,9 @@ def test_parameters_that_the_node_refuses(domain, text):
     ('zzz.zzz:=1', "name 'zzz' in footprints or obstacles"),
     ('robot.topic:=a', "name 'robot' in footprints or obstacles, where it is not"),
     ('margin:=1', "'margin' is 1, but must be a double: write 1.0"),
-    ('frame_id:=5', 'write "5", in quotes'), ('footprints:=robot', r'write \[robot\]')])
+    ('frame_id:=5', 'write "5", in quotes'), ('footprints:=robot', r'write \[robot\]'),
+    ('footprint.points:=[]', "'footprint.points' has no value: give it one, or leave it out"),
+    ('footprints:=[]', "'footprints' has no value")])
 def test_refusals_are_those_of_the_node(domain, text, words):
     name, value = parameter_of_text(text)
     with pytest.raises(ParameterError, match=words) as error:

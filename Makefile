@@ -2,8 +2,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-all knowing paths docs surface release-check bench report accuracy adversary \
-    faults soak fuzz clean
+.PHONY: demo test test-all knowing paths docs surface release-check sbom audit bench report accuracy \
+    adversary faults soak fuzz clean
 
 demo: $(VENV)/demo.stamp
 	$(BIN)/python -m sat_collision.demo
@@ -28,6 +28,21 @@ surface: $(VENV)/test.stamp
 # What a release still lacks.
 release-check:
 	$(PYTHON) .ci/release_check.py
+
+# What is installed with the extras for users, as CycloneDX, written to sbom.json; and which of it
+# has known flaws, by the advisories of the index. Both need the network.
+RUNTIME := $(VENV)/runtime
+sbom: $(RUNTIME)/stamp $(VENV)/audit.stamp
+	$(BIN)/cyclonedx-py environment --output-reproducible --output-file sbom.json \
+	    $(RUNTIME)/bin/python
+
+AUDITED := $(VENV)/audited.txt
+audit: $(RUNTIME)/stamp $(VENV)/audit.stamp
+	$(BIN)/pip-audit --path $(RUNTIME)/lib/python3*/site-packages >$(AUDITED) || \
+	    { cat $(AUDITED); exit 1; }
+	cat $(AUDITED)
+	if grep -q '^numpy .* could not be audited' $(AUDITED); then \
+	    echo 'nothing was audited: the index has no advisories' >&2; exit 1; fi
 
 # What everything costs, measured and written to docs/benchmarks.
 bench: $(VENV)/bench.stamp
@@ -103,6 +118,15 @@ $(VENV)/messages.stamp: $(wildcard test/polygon_msgs_source/* test/polygon_msgs_
 
 $(VENV)/bench.stamp: setup.py | $(BIN)/python
 	$(BIN)/pip install --quiet --editable '.[ros,fast,bench]'
+	touch $@
+
+$(RUNTIME)/stamp: setup.py | $(BIN)/python
+	$(BIN)/python -m venv $(RUNTIME)
+	$(RUNTIME)/bin/pip install --quiet --upgrade pip setuptools '.[ros,fast,plot,replay]'
+	touch $@
+
+$(VENV)/audit.stamp: setup.py | $(BIN)/python
+	$(BIN)/pip install --quiet --editable '.[audit]'
 	touch $@
 
 clean:

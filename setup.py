@@ -24,6 +24,7 @@ extras = {
     ],
     'cluster': ['dask[distributed]'],
     'bench': ['box2d', 'matplotlib', 'pymunk', 'pyyaml', 'rosbags', 'shapely>=2'],
+    'audit': ['cyclonedx-bom', 'pip-audit'],
     'test': [
         'dask[distributed]',
         'flake8',

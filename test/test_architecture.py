@@ -137,6 +137,16 @@ def test_links(path):
             assert not heading or heading in headings(other), target
 
 
+def test_tests_that_pages_name_exist():
+    """In the file that the link leads to; and each threat has one, or is said to be open."""
+    for path in PAGES:
+        for name, file in re.findall(r'\[`(test_\w+)`\]\((\S+)\)', path.read_text()):
+            assert f'\ndef {name}(' in (path.parent / file).read_text(), f'{path.name}: {name}'
+    for line in (ROOT / 'SECURITY.md').read_text().splitlines():
+        if line.startswith('| ') and not line.endswith('| shown by |'):
+            assert '[`test_' in line or '**open**' in line, line
+
+
 def test_make_commands_exist():
     """Each one that a page names has a rule."""
     rules = re.findall(r'^([a-z-][a-z -]*):', (ROOT / 'Makefile').read_text(), re.MULTILINE)

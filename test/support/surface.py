@@ -41,7 +41,7 @@ from sat_collision.scene.scene import Scene  # noqa: E402
 from sat_collision.scene.settings import (  # noqa: E402
     FootprintSettings, ObstacleSettings, Settings)
 
-_FOR_DEVELOPERS = {'bench', 'test'}
+_FOR_DEVELOPERS = {'audit', 'bench', 'test'}
 _SETTINGS = Settings((FootprintSettings('<footprint>', '/footprint', path='/plan'),),
                      (ObstacleSettings('<source>', '/obstacles'),))
 

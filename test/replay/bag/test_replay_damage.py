@@ -233,6 +233,16 @@ def test_recursive_yaml_is_bad_input(tmp_path, capsys, content):
     assert 'params.yaml' in error and error.count('\n') == 1
 
 
+@pytest.mark.parametrize('kind', ('metadata', 'params'))
+def test_yaml_runs_no_code(tmp_path, capsys, kind):
+    """As the tags of Python's YAML would."""
+    bag = write(tmp_path / 'bag', CLEAR)
+    path = bag / 'metadata.yaml' if kind == 'metadata' else tmp_path / 'params.yaml'
+    path.write_text(f"!!python/object/apply:os.mkdir ['{tmp_path}/made']")
+    assert main([str(bag), *(['--params-file', str(path)] if kind == 'params' else [])]) == 3
+    assert path.name in ''.join(capsys.readouterr()) and not (tmp_path / 'made').exists()
+
+
 @pytest.mark.parametrize('content', [
     'rosbag2_bagfile_information: &a\n  topics_with_message_count: [*a]\n',
     'rosbag2_bagfile_information: &a [*a]\n', '[' * 5000, 'rosbag2_bagfile_information: 7',

@@ -396,6 +396,21 @@ def test_files_of_metadata_that_are_no_texts_are_damage(tmp_path):
     assert 'relative_file_paths' in problem
 
 
+@pytest.mark.parametrize('absolute', (False, True))
+def test_files_outside_of_the_folder_are_not_read(tmp_path, absolute):
+    """Metadata may name them, but only the name within the folder counts."""
+    other = storage_file(write(tmp_path / 'other', drive()))
+    bag = write(tmp_path / 'bag', drive())
+    storage_file(bag).unlink()
+    metadata = bag / 'metadata.yaml'
+    content = yaml.safe_load(metadata.read_text())
+    content['rosbag2_bagfile_information']['relative_file_paths'] = [
+        str(other) if absolute else f'../other/{other.name}']
+    metadata.write_text(yaml.safe_dump(content))
+    result = check(bag)
+    assert result.messages == 0 and any(other.name in problem for problem in result.problems)
+
+
 @pytest.mark.parametrize('name', ('metadata.yaml', 'more.mcap', ''))
 def test_pipe_in_place_of_a_file_is_damage(tmp_path, name):
     """Nothing waits for somebody to write into it."""

@@ -17,9 +17,10 @@ test test-all: $(VENV)/test.stamp
 	$(BIN)/python -m sat_collision.replay.kernels
 	$(BIN)/python -m pytest --dist loadfile $(TESTS)
 
-# What README, config and docs take from the code and from the benchmarks.
+# What README, config and docs take from the code and from the benchmarks, and the plan's picture.
 docs: $(VENV)/demo.stamp
 	$(BIN)/python docs/generate.py
+	$(BIN)/python docs/path_picture.py
 
 # The list of what docs/stability.md promises, after a change of it that is meant.
 surface: $(VENV)/test.stamp

@@ -238,7 +238,7 @@ class Monitor:
     def _request_maps(self, now: int) -> None:
         """Request maps again that were refused for lack of a transform, once there is one."""
         for name, frame_id in [*self.ingest.untransformed.items()]:
-            found = self.transforms.lookup_affine(frame_id, 0, now, timeout=0.0)
+            found = self.transforms.lookup_affine(frame_id, 0, now)
             if not isinstance(found, NoTransform):
                 del self.ingest.untransformed[name]
                 self.scene.request_history(name)
@@ -258,7 +258,7 @@ class Monitor:
         elif now < self._now:
             self.outlines.limit_times(now)
         elif now and not self._now:
-            self.transforms.drop_ahead(now)
+            self.transforms.frames.clear(after=now + self._tolerance)
         self._now = now
 
     def set_clock(self, now: int) -> bool:
@@ -276,7 +276,7 @@ class Monitor:
         return True
 
     def _forget_times(self, now: int) -> None:
-        self.transforms.clear()
+        self.transforms.frames.clear()
         self.outlines.clear()
         self.paths.clear()
         for name in self.waiting.counts():

@@ -182,7 +182,7 @@ def test_changed_outline_counts_at_once():
 def test_changed_outline_that_cannot_be_placed_is_unknown():
     world = OutlineWorld()
     world.move(0.1, 49.0, 0.5)
-    world.monitor.transforms.clear()
+    world.monitor.transforms.frames.clear()
     world.use(points='[[-0.5, -0.5], [1.5, 0.0], [-0.5, 0.5]]')
     assert world.status() == 'unknown' and world.reasons == [frames.UNKNOWN_FRAME]
     world.move(0.2, 49.0, 0.5)

@@ -79,7 +79,6 @@ class _Shape(NamedTuple):
     """The points of a body as messages, made once for each polygon."""
 
     polygon: Polygon
-    parts: list[tuple[Ring, Box]]
     triangles: list[Any]
     lines: list[Any]
     dots: list[Any]
@@ -87,12 +86,11 @@ class _Shape(NamedTuple):
     @classmethod
     def of(cls, polygon: Polygon) -> _Shape:
         points = _points(polygon.vertices)
-        parts = [(part.vertices, part.bounds) for part in polygon.parts]
         if len(points) == 1:
-            return cls(polygon, parts, [], [], points)
+            return cls(polygon, [], [], points)
         edges = zip(points, points[1:] + points[:1]) if len(points) > 2 else [points]
-        return cls(polygon, parts, [point for part, _ in parts for point in _triangles(part)],
-                   [point for edge in edges for point in edge], [])
+        triangles = [_triangles(part.vertices) for part in polygon.parts]
+        return cls(polygon, [*chain(*triangles)], [*chain(*edges)], [])
 
 
 class Markers:
@@ -213,11 +211,11 @@ class Markers:
                 and 0.0 < prediction.seconds < math.inf):
             return
         vertices = self._shapes[name].polygon.vertices
-        rings = [prediction.velocity.carry(vertices, prediction.duration * k / _PLACES_AHEAD)
-                 for k in range(1, _PLACES_AHEAD + 1)]
-        self._add(f'{name}/ahead', 0, _OUTLINE, _AMBER, [
-            end for ring in rings
-            for end in _points(np.stack([ring, np.roll(ring, -1, 0)], 1).reshape(-1, 2))])
+        rings = np.stack([
+            prediction.velocity.carry(vertices, prediction.duration * k / _PLACES_AHEAD)
+            for k in range(1, _PLACES_AHEAD + 1)])
+        self._add(f'{name}/ahead', 0, _OUTLINE, _AMBER,
+                  _points(np.stack([rings, np.roll(rings, -1, 1)], 2).reshape(-1, 2)))
         self._write(f'{name}/time', _AMBER, (*rings[-1].min(0).tolist(),
                                              *rings[-1].max(0).tolist()),
                     f'{name} - {prediction.obstacle}: {prediction.seconds:.1f} s')
@@ -250,10 +248,9 @@ class Markers:
 
     def _marker(self, ns: str, number: int, kind: int, colour: _Colour) -> Any:
         """Add an empty marker; its stamp of 0 has it drawn at the latest transform."""
-        red, green, blue, *opacity = colour
+        red, green, blue, opacity, *_ = *colour, 1.0
         marker = Marker(ns=ns, id=number, type=kind, action=Marker.ADD, lifetime=self._lifetime,
-                        color=ColorRGBA(r=red, g=green, b=blue,
-                                        a=opacity[0] if opacity else 1.0))
+                        color=ColorRGBA(r=red, g=green, b=blue, a=opacity))
         marker.header.frame_id = self._frame_id
         self._markers.append(marker)
         return marker

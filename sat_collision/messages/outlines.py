@@ -131,7 +131,7 @@ class Outlines:
         one.is_pending = False
         if one.begun is None and not self._is_clock_new:
             one.begun = now
-        found = self._transforms.newest(settings.frame_id, now)
+        found = self._transforms.lookup_affine(settings.frame_id, 0, now)
         if isinstance(found, NoTransform):
             has_waited = (one.stamp is None and one.begun is not None
                           and now > one.begun + self._timeout)
@@ -158,7 +158,7 @@ class Outlines:
             return None
         _, child, twist = self._odometry[one.settings.topic]
         where = (found if child == one.settings.frame_id
-                 else self._transforms.lookup_affine(child, found.at, found.at, 0.0))
+                 else self._transforms.lookup_affine(child, found.at, found.at))
         if isinstance(where, NoTransform):
             return None
         return Velocity(twist, pose_of(where.affine), ODOMETRY)

@@ -54,14 +54,6 @@ class TransformListener:
         self._tolerance = round(settings.future_tolerance * 1e9)
         self.frames.configure(settings.max_tf_gap * 1e9, settings.max_tilt)
 
-    def clear(self) -> None:
-        """Forget all but the static frames: the clock was set back."""
-        self.frames.clear()
-
-    def drop_ahead(self, now: int) -> None:
-        """Forget moving frames with transforms too far ahead of a clock that starts."""
-        self.frames.clear(after=now + self._tolerance)
-
     def receive(self, topic: str, data: bytes, now: int,
                 number: int | None = None) -> list[Rejection]:
         """Take a message of /tf or /tf_static, with its sequence number if known."""
@@ -115,12 +107,8 @@ class TransformListener:
         """Return the stamps in ns, between two times, of the transforms of a frame."""
         return self.frames.stamps(self._target, frame_id, after, until)
 
-    def newest(self, frame_id: str, now: int) -> Mapped | NoTransform:
-        """Return the map from a frame to the fixed frame at the latest time that is known."""
-        return self.frames.newest_affine(self._target, frame_id, now=now)
-
     def lookup_affine(self, frame_id: str, stamp: int, now: int,
-                      timeout: float) -> Mapped | NoTransform:
+                      timeout: float = 0.0) -> Mapped | NoTransform:
         """
         Return the map from the frame of a message to the fixed frame.
 

@@ -348,8 +348,9 @@ class Frames:
         if stamp < track.stamps[0]:
             return NoTransform(NO_TRANSFORM, f'{prefix}: the oldest of {name} is '
                                f'{_seconds(track.stamps[0] - stamp)} newer', False)
+        before, after = track.stamps[bisect_right(track.stamps, stamp) - 1:][:2]
         return NoTransform(GAP, f'{prefix}: the transforms of {name} around it are '
-                           f'{_seconds(track.gap(stamp))} apart, more than '
+                           f'{_seconds(after - before)} apart, more than '
                            f'{_seconds(self._max_gap)}', False)
 
 
@@ -449,11 +450,6 @@ class _Track:
         if next_parent != parent:
             return parent, fixed(older)
         return parent, interpolated(older, newer, stamp - before, stamps[place] - before)
-
-    def gap(self, stamp: int) -> int:
-        """Return how far apart the stamps around a time within the history are."""
-        place = bisect_right(self.stamps, stamp)
-        return self.stamps[place] - self.stamps[place - 1]
 
 
 def in_quotes(text: str) -> str:

@@ -86,7 +86,6 @@ class Knowledge:
     def configure(self, settings: ObstacleSettings, tolerance: int, now: int) -> None:
         """Apply settings, and by how much clocks may differ; a longer timeout proves less."""
         before, self.timeout = self.timeout, round(settings.timeout * 1e9) or NEVER
-        self.max_count = settings.max_count
         self._tolerance = tolerance
         if before < self.timeout and self._heard > -NEVER:
             self.miss(_CHANGED, now)
@@ -97,7 +96,7 @@ class Knowledge:
 
     def refuse(self, reason: str, now: int, is_read: bool = True) -> None:
         """Record a refused message, and whether its stamp was read."""
-        self._useless = (f'there were more obstacles than max_count, {self.max_count}'
+        self._useless = (f'there were more obstacles than max_count, {self._store.max_count}'
                          if reason is TOO_MANY else f'a message was refused: {reason}')
         self.miss(self._useless, now)
 
@@ -184,7 +183,7 @@ class Listings(Knowledge):
     @property
     def room(self) -> int:
         """For how many more obstacles the open listing has room."""
-        return self.max_count - len(self._open.group)
+        return self._store.max_count - len(self._open.group)
 
     @property
     def rate(self) -> float:
@@ -405,7 +404,7 @@ class Refreshed(Knowledge):
     @property
     def room(self) -> int:
         """For how many more obstacles there is room."""
-        return self.max_count - self.count
+        return self._store.max_count - self.count
 
     @property
     def together(self) -> int:
@@ -445,7 +444,7 @@ class Refreshed(Knowledge):
         oldest = stamp - self.timeout
         self._drop_parts(lambda end: end <= oldest)
         if self.by_id is not None:
-            self.by_id.forget_stamped_before(oldest)
+            self.by_id.forget_first(lambda one: one.stamp < oldest)
         if stamp > self._begun + self.timeout + self._tolerance:
             self.is_known = True
 

@@ -356,20 +356,16 @@ class KeyedGroup(ObstacleGroup):
             held[0].stamp == stamp) else None
 
     def forget_before(self, time: float) -> None:
-        """Drop ids whose times are all earlier, of those least recently received."""
-        self._forget_first(lambda one: one.time < time)
+        self.forget_first(lambda one: one.time < time)
 
-    def forget_stamped_before(self, stamp: float) -> None:
-        """Drop ids whose stamps are all earlier, of those least recently received."""
-        self._forget_first(lambda one: one.stamp < stamp)
-
-    def _forget_first(self, is_gone: Callable[[Obstacle], bool]) -> None:
+    def forget_first(self, is_gone: Callable[[Obstacle], bool]) -> None:
+        """Drop ids all of whose obstacles have gone, of those least recently received."""
         held = self._held
         while held and all(map(is_gone, next(iter(held.values())))):
             self._drop(held.popitem(last=False)[1])
 
     def clear(self) -> None:
-        self._forget_first(lambda one: True)
+        self.forget_first(lambda one: True)
         self._store.drop(self)
 
     def _drop(self, obstacles: Iterable[Obstacle]) -> None:

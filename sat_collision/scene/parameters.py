@@ -152,17 +152,15 @@ def read_settings(footprints: Iterable[str], obstacles: Iterable[str],
 
     def footprint(name: str) -> FootprintSettings:
         found = values(FootprintSettings, name)
-        settings = FootprintSettings(name=name, **{
-            **found, 'points': _numbers(f'{name}.points', found['points']),
-            'obstacles': _sources_of(name, found['obstacles'], sources)})
+        found['points'] = _numbers(f'{name}.points', found['points'])
+        found['obstacles'] = _sources_of(name, found['obstacles'], sources)
+        for field in ('cmd_vel', 'path'):
+            found[field] = found[field] and resolved(f'{name}.{field}', found[field])
+        settings = FootprintSettings(name=name, **found)
         if settings.odometry:
-            settings = replace(settings, topic=resolved(f'{name}.odometry', settings.odometry))
-        elif settings.has_outline:
-            settings = replace(settings, topic=resolved(f'{name}.points', TF))
-        if settings.cmd_vel:
-            settings = replace(settings, cmd_vel=resolved(f'{name}.cmd_vel', settings.cmd_vel))
-        if settings.path:
-            settings = replace(settings, path=resolved(f'{name}.path', settings.path))
+            return replace(settings, topic=resolved(f'{name}.odometry', settings.odometry))
+        if settings.has_outline:
+            return replace(settings, topic=resolved(f'{name}.points', TF))
         return settings
 
     sources = list(obstacles)
@@ -221,14 +219,11 @@ def check_outlines(settings: Settings) -> None:
                 raise ParameterError(f'frame_id: the outline of {name} needs the fixed frame that '
                                      'it moves in, such as odom')
             outline_of(one, settings.max_vertices)
-        elif one.cmd_vel:
-            raise ParameterError(f'{name}.cmd_vel: a command is in the frame of the robot, and a '
-                                 f'footprint that is published does not say where that is: give '
-                                 f'{name}.points or {name}.radius, and {name}.frame_id, instead')
-        elif one.path:
-            raise ParameterError(f'{name}.path: a path moves the frame of the robot, and a '
-                                 f'footprint that is published does not say where that is: give '
-                                 f'{name}.points or {name}.radius, and {name}.frame_id, instead')
+        elif one.cmd_vel or one.path:
+            given = 'cmd_vel: a command is in' if one.cmd_vel else 'path: a path moves'
+            raise ParameterError(f'{name}.{given} the frame of the robot, and a footprint that is '
+                                 f'published does not say where that is: give {name}.points or '
+                                 f'{name}.radius, and {name}.frame_id, instead')
         elif one.frame_id or one.odometry:
             given = 'frame_id' if one.frame_id else 'odometry'
             raise ParameterError(f'{name}.{given} is for an outline: give {name}.points or '

@@ -126,7 +126,7 @@ class Stream:
         self.next = number + 1
         self._newest = max(self._newest, number)
         if not self.is_again:
-            self._end_again()
+            self._again, self.again_until = 0, NEVER
         # Only number 1 can arrive before its publisher is reported, so this one was reported.
         self.awaits_endpoint = False
         if number == expected:
@@ -176,13 +176,9 @@ class Stream:
         self.mixed_until = NEVER
         self._is_newest_sure = known.keys().isdisjoint(current)
         if self._is_newest_sure:
-            self._newest = 0
-            self._end_again()
+            self._newest, self._again, self.again_until = 0, 0, NEVER
         self.interrupt()
         return True
-
-    def _end_again(self) -> None:
-        self._again, self.again_until = 0, NEVER
 
     def _doubt_publisher(self, number: int) -> None:
         """Let all count if an older publisher of the same node name may have sent a number."""
@@ -233,7 +229,7 @@ class Stream:
         if self.mixed_until < now:
             self.mixed_until = NEVER
         if self.again_until < now:
-            self._end_again()
+            self._again, self.again_until = 0, NEVER
 
     def set_back(self, now: int) -> None:
         """Adjust to a clock that was set back."""

@@ -170,8 +170,8 @@ def test_unusual_message_in_a_run_is_received_by_itself(
     assert monitor.scene.state('robot').status.value == status
 
 
-def test_whole_sets_are_runs_if_no_contacts_are_decided():
-    """From the second one on, by its header, but not what is odd; they count from their stamps."""
+def test_runs_go_through_the_robot_if_no_contacts_are_decided():
+    """But not what is odd; what is known depends on the stamps."""
     monitor = Monitor(replace(SETTINGS, obstacles=(
         replace(SETTINGS.obstacles[0], set_end='new_stamp'),)), placements=[],
         decides_contacts=False)
@@ -182,9 +182,11 @@ def test_whole_sets_are_runs_if_no_contacts_are_decided():
         now = stamp + SECOND // 2
         odd = [serialised(NON_CONVEX, stamp), ordinary(9, stamp)] if k < 2 else []
         batch = Batch([serialised(box(0), stamp), *(ordinary(k, stamp) for k in range(8)), *odd])
-        taken.append(monitor.receive_run('lidar', batch, 0, now))
-        monitor.receive_batch('lidar', batch.messages[taken[-1]:], now)
-    assert taken == [0, 9, 9, 9]
+        monitor.receive('lidar', batch.messages[0], now)
+        taken.append(monitor.receive_run('lidar', batch, 1, now))
+        monitor.receive_batch('lidar', batch.messages[1 + taken[-1]:], now)
+    assert taken == [0, 0, 8, 8]
+    assert monitor.scene.state('robot').contacts == ()
     expires = stamp - SECOND // 10 + round(SETTINGS.obstacles[0].timeout * SECOND)
     monitor.advance(expires)
     assert monitor.scene.source_faults == ()

@@ -15,12 +15,8 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
-from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.polygon_set import PolygonSet
 from sat_collision.geometry.run import Run, write_run
-
-_NO_SET = indexable(np.empty(0))
-_NO_ROWS = np.empty(0, np.int64)
 
 
 class PackedSet(PolygonSet):
@@ -42,11 +38,6 @@ class PackedSet(PolygonSet):
         if self._queries:
             self._forget_index()
         count: int = write_run(run, self._array, rows, first, limit, others._array, margin)
-        return count
-
-    def check_run(self, run: Run, limit: int) -> int:
-        """Return how many messages of a run `write_run` would accept; nothing is written."""
-        count: int = write_run(run, _NO_SET, _NO_ROWS, 0, limit, self._array, 0.0)
         return count
 
     def nearest_rows(self, boxes: Iterable[tuple[float, float, float, float]],

@@ -21,7 +21,7 @@ from sat_collision.geometry.jit import (
     inner, kernel, scratch, words_and_doubles, words_and_floats)
 from sat_collision.geometry.layout import bounds_in, packed_polygon, rows_of
 from sat_collision.geometry.packing import (
-    clean, CONVEX, DOUBLE, move, PAIR, TRIPLE, WORD, write_packed)
+    CONVEX, DOUBLE, move, PAIR, TRIPLE, WORD, write_packed)
 from sat_collision.geometry.scan import NO_ROOM, write_row
 
 # Messages that differ only in their points: their bytes, joined; the end of each but the last, an
@@ -50,8 +50,7 @@ def write_run(run, set_array, rows, row, limit, others, margin):
     ----------
     run : Run
     set_array, others : flat array of float64
-        The set, and the one that the polygons must not be near to. If the first is empty the
-        polygons are only checked, and rows do not matter.
+        The set, and the one that the polygons must not be near to.
     rows : array of int64
         The row of each polygon, -1 for none.
     row, limit : int
@@ -74,15 +73,13 @@ def write_run(run, set_array, rows, row, limit, others, margin):
     header = count_at // WORD
     begin = ends[first - 1] if first and not in_one else 0
     model = begin // WORD
-    is_placed = len(set_array) > 0
-    count = min(limit, len(ends) // 2 - first if in_one else len(ends) + 1 - first)
-    if is_placed:
-        count = min(count, len(rows) - row)
+    count = len(ends) // 2 - first if in_one else len(ends) + 1 - first
+    count = min(count, limit, len(rows) - row)
     points = scratch(2 * max_vertices + 2)
     ring = scratch(2 * max_vertices + 2)
     walk = scratch(2 * max_vertices + 2)
     for k in range(count):
-        if is_placed and rows[row + k] < 0:
+        if rows[row + k] < 0:
             return k
         if in_one:
             received = ends[2 * (first + k) + 1]
@@ -106,11 +103,6 @@ def write_run(run, set_array, rows, row, limit, others, margin):
             move(doubles, start, PAIR, received, affine, points)
         else:
             move(values, start, TRIPLE, received, affine, points)
-        if not is_placed:
-            verdict, _, _, _ = clean(points, received, ring, walk, max_vertices, 0)
-            if verdict != CONVEX:
-                return k
-            continue
         verdict, vertices, _, _, _ = write_packed(points, received, ring, walk, packed,
                                                   max_vertices, 0)
         if verdict != CONVEX or _is_near(near, packed_polygon(packed, vertices), margin) or (

@@ -25,7 +25,7 @@ from sat_collision.geometry.polygon import Affine2D, PackedBody, Points, Polygon
 from sat_collision.geometry.run import IN_ONE_MESSAGE, Run
 from sat_collision.messages.cdr import (
     COUNT_SIZE, decode, decode_collection, decode_polygon_2d, header_stamp, MessageError,
-    POINT_SIZE, RunPoints, STAMP_SIZE)
+    POINT_SIZE, RunPoints)
 from sat_collision.messages.rejections import (
     detail_of, EMPTY_FRAME_ID, LONG_FRAME_ID, Rejection, UNDECODABLE)
 from sat_collision.messages.transform_listener import TransformListener
@@ -148,24 +148,13 @@ class Ingest:
         self._followed: dict[str, dict[str, Affine2D]] = {}
 
     def take_run(self, name: str, batch: Batch, begin: int, now: int) -> int:
-        """
-        Pass on the messages that only add to the set of the one before; return how many.
-
-        If no contacts are decided they may also begin a set.
-        """
+        """Pass on the messages that only add to the set of the one before; return how many."""
         if (header := self.headers.get(name)) is None:
             return 0
-        start, points_at, stamp, sent_in = header
-        frame_id = sent_in
+        start, points_at, stamp, frame_id = header
         message = batch.messages[begin]
-        if len(message) <= points_at:
+        if len(message) <= points_at or not message.startswith(start):
             return 0
-        if not message.startswith(start):
-            if self._scene.decides_contacts or not message.startswith(
-                    start[STAMP_SIZE:], STAMP_SIZE):
-                return 0
-            # It may begin the next set.
-            start, stamp = message[:len(start)], header_stamp(message)
         affine = None
         if self._transforms and frame_id != self._fixed:
             settings = self._scene.settings_of(name)
@@ -177,8 +166,6 @@ class Ingest:
             name, (batch.data, batch.ends, begin, points_at - COUNT_SIZE, affine or UNMOVED,
                    self._packer.max_vertices, self._packer.array),
             frame_id, stamp, now, batch.number and batch.number + begin)
-        if taken:
-            self.headers[name] = start, points_at, stamp, sent_in
         placements = self._placements
         if taken and placements is not None:
             first = begin

@@ -31,8 +31,6 @@ _Other = TypeVar('_Other', bound=Body[Any])
 
 # Max gap in m between a turning footprint and the obstacle it meets, at the time returned.
 _TOLERANCE = 1e-3
-# The row of an obstacle that was received while no contacts are decided.
-NOWHERE = 0
 # Where an obstacle is, and its vx and vy in m/s.
 Course: TypeAlias = tuple[Polygon, Vertices]
 
@@ -93,10 +91,6 @@ class Contacts:
                 footprints[row] for row in met
                 if footprints[row].settings.monitors(obstacle.name.source)]))
         return True
-
-    def count_unplaced(self, run: Run, limit: int) -> int:
-        """Return how many messages of a run, up to a limit, need not be placed: none."""
-        return 0
 
     def place_run(self, run: Run, rows: Any, first: int, limit: int) -> int:
         """
@@ -190,33 +184,6 @@ class Contacts:
         obstacles = self._obstacles.bodies
         return [obstacles[row] for row in rows
                 if footprint.settings.monitors(obstacles[row].name.source)]
-
-
-class NoContacts(Contacts):
-    """Decides no contacts; records only which obstacles there are, all in the row NOWHERE."""
-
-    def place_footprint(self, footprint: Footprint, where: PackedBody) -> None:
-        """Do nothing."""
-
-    def place_obstacle(self, obstacle: Obstacle, where: PackedBody) -> bool:
-        """Record that an obstacle is there."""
-        obstacle.row = NOWHERE
-        return False
-
-    def count_unplaced(self, run: Run, limit: int) -> int:
-        """Return how many messages of a run, up to a limit, `check_run` accepts."""
-        return self._obstacles.polygons.check_run(run, limit)
-
-    def place_run(self, run: Run, rows: Any, first: int, limit: int) -> int:
-        """Return the same; nothing is placed."""
-        return self.count_unplaced(run, limit)
-
-    def remove_obstacle(self, obstacle: Obstacle) -> None:
-        """Record that an obstacle is gone."""
-        obstacle.row = None
-
-    def hide_obstacles(self, group: object, rows: Any) -> None:
-        """Do nothing."""
 
 
 class _Placed(Generic[_Kind]):

@@ -21,7 +21,7 @@ import numpy as np
 from sat_collision.geometry.jit import indexable
 from sat_collision.geometry.polygon import PackedBody
 from sat_collision.geometry.run import Run
-from sat_collision.scene.contacts import Contacts, NOWHERE
+from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.obstacles import Obstacle, ObstacleId
 from sat_collision.scene.settings import NEVER
 
@@ -179,10 +179,7 @@ class SetGroup(ObstacleGroup):
 
     def flush(self) -> None:
         for begin, end, frame_id, time in self._pending:
-            self._add_places(end)
             for obstacle in self._places[begin:end]:
-                if obstacle.row is None:
-                    obstacle.row = NOWHERE
                 obstacle.moved()
                 obstacle.frame_id = frame_id
                 obstacle.time = time
@@ -192,18 +189,12 @@ class SetGroup(ObstacleGroup):
         """
         Take obstacles of a run, up to a limit.
 
-        Return how many were taken: if contacts are decided, all before the first one that has no
-        row or may meet a footprint.
+        Return how many were taken: all before the first one that has no row or may meet a
+        footprint.
         """
-        if limit <= 0:
-            return 0
-        taken = self._contacts.place_run(run, self._rows, self._taken, limit)
-        return self.add_run(taken, frame_id, time)
-
-    def add_run(self, count: int, frame_id: str, time: int) -> int:
-        """Add obstacles of a run, which are in their places or have none; return the count."""
         begin = self._taken
-        if count > 0:
+        count = self._contacts.place_run(run, self._rows, begin, limit) if limit > 0 else 0
+        if count:
             self._taken += count
             self._oldest = min(self._oldest, time)
             self._pending.append((begin, self._taken, frame_id, time))
@@ -226,7 +217,10 @@ class SetGroup(ObstacleGroup):
             return TOO_MANY
         self._taken = place + 1
         self._oldest = min(self._oldest, time)
-        self._add_places(place + 1)
+        if place == len(self._places):
+            self._places.append(Obstacle(self, self._store.source, place))
+            if place == len(self._rows):
+                self._rows = indexable(np.append(self._rows, np.full(place + 1, -1)))
         obstacle = self._places[place]
         name = place if instance is None else instance
         if obstacle.name.key != name:
@@ -271,13 +265,6 @@ class SetGroup(ObstacleGroup):
         self._taken = 0
         self._oldest = NEVER
         self._store.drop(self)
-
-    def _add_places(self, count: int) -> None:
-        """Add places until there are so many."""
-        for place in range(len(self._places), count):
-            self._places.append(Obstacle(self, self._store.source, place))
-            if place == len(self._rows):
-                self._rows = indexable(np.append(self._rows, np.full(place + 1, -1)))
 
     def _put(self, obstacle: Obstacle, body: PackedBody | None, frame_id: str,
              time: float) -> None:

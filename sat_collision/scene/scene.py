@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from sat_collision.geometry.polygon import PackedBody, Polygon
 from sat_collision.geometry.run import Run
-from sat_collision.scene.contacts import Contacts, NoContacts
+from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.footprints import Footprint, Origin, Status
 from sat_collision.scene.frames import in_quotes
 from sat_collision.scene.obstacle_store import OTHER_FRAME, Shape
@@ -87,17 +87,17 @@ class Scene(SceneView):
         self.deadline: float = NEVER
         # Whether the motion of all footprints is tracked, not only where a state depends on it.
         self.tracks_motion = False
-        # Whether contacts of footprints are decided; if not, only what is unknown is found.
-        self.decides_contacts = decides_contacts
         # What the last checks of paths found, by name of the footprint.
         self.path_checks: dict[str, PathCheck] = {}
+        # Whether contacts of footprints are decided; if not, only what is unknown is found.
+        self._decides_contacts = decides_contacts
         self._now = 0
         # The latest time that was known when the clock stepped back.
         self._latest = 0
         # Why the clock cannot be trusted; empty if it can.
         self._clock_fault = ''
         self._use(settings)
-        self._contacts = (Contacts if decides_contacts else NoContacts)(settings.margin)
+        self._contacts = Contacts(settings.margin)
         self._sources = {source.name: Source(source, self._contacts, self._future_tolerance)
                          for source in settings.obstacles}
         self._footprints = {footprint.name: Footprint(footprint)
@@ -174,7 +174,8 @@ class Scene(SceneView):
         if footprint.time is not None and time < footprint.time and not (
                 footprint.stale or footprint.timeout == NEVER or footprint.settings.has_outline):
             return OVERTAKEN
-        self._contacts.place_footprint(footprint, body)
+        if self._decides_contacts:
+            self._contacts.place_footprint(footprint, body)
         footprint.origin = origin
         footprint.time, footprint.stamp = time, stamp or now
         if footprint.fault or footprint.stale or time + footprint.timeout < now:
@@ -272,11 +273,7 @@ class Scene(SceneView):
 
     def obstacle_run(self, name: str, run: Run, frame_id: str, stamp: int, now: int,
                      number: int | None) -> int:
-        """
-        Receive a run of obstacles that continues a set; return how many were taken.
-
-        If no contacts are decided it may also begin a set.
-        """
+        """Receive a run of obstacles that continues a set; return how many were taken."""
         if self.frame_id and frame_id != self.frame_id:
             return 0
         if now != self._now:

@@ -293,8 +293,6 @@ class Source:
         """
         Receive messages that add to those of the one before, as `receive` would one by one.
 
-        If no contacts are decided they may also have another stamp than the one before.
-
         Return how many were taken; the next one may be refused, may meet a footprint, or may end
         the set, and must be received by itself.
         """
@@ -305,17 +303,9 @@ class Source:
                 or not 0 < stamp <= now <= stamp + self.timeout):
             return 0
         group = knowledge.group_to_extend(stamp)
-        if group is not None:
-            taken = group.take_run(run, knowledge.room, frame_id, stamp)
-        elif self.settings.ending != EACH_MESSAGE and self.settings.type != POLYGON_INSTANCE and (
-                stamp + self.timeout >= knowledge.newest) and (
-                taken := self.store.contacts.count_unplaced(run, self.settings.max_count)):
-            message = Message(CONTINUES, stamp, stamp, True)
-            knowledge.begin_run(message, now)
-            taken = knowledge.group_for(message, now).add_run(
-                min(taken, knowledge.room), frame_id, stamp)
-        else:
+        if group is None:
             return 0
+        taken = group.take_run(run, knowledge.room, frame_id, stamp)
         if taken:
             knowledge.gather(stamp, taken)
             stream.next = expected + taken

@@ -22,10 +22,11 @@ import time
 from _shared import describe, duration, ROOT, table, table_of
 import node
 from page_parts import with_tables
+import plans
 import scene
 
 PACKAGES = 'numpy', 'numba', 'shapely', 'rclpy'
-PARTS = 'kernel', 'scene', 'maps', 'node', 'whole_sets', 'frames', 'startup'
+PARTS = 'kernel', 'scene', 'maps', 'plans', 'node', 'whole_sets', 'frames', 'startup'
 PLOTS = {'kernel': scene.plot, 'node': node.plot}
 _KERNELS = {'monitor': 'numba', 'plain': 'plain Python'}
 
@@ -59,6 +60,7 @@ def measure(quick, parts):
         'kernel': lambda: scene.measure_pairs(*((2_000, 3) if quick else (20_000, 7))),
         'scene': lambda: scene.measure(5 if quick else 25),
         'maps': lambda: scene.measure_maps(3 if quick else 15),
+        'plans': lambda: plans.measure(3 if quick else 25),
         'node': lambda: node.measure(seconds, repeats),
         'whole_sets': lambda: node.measure_whole_sets(seconds, repeats),
         'frames': lambda: {**node.measure_frames(seconds, repeats),
@@ -139,6 +141,12 @@ TABLES = {
         'nearest, with an index': '{nearest_us:.1f}',
         'build the index': lambda one: duration(1e3 * one['build_us']),
         'build the STRtree': lambda one: duration(1e3 * one['tree_build_us'])}),
+    'plans': lambda figures: table_of(figures['plans'], {
+        'obstacles': '{obstacles:,}', 'sat_collision': '{us:,.0f} µs',
+        **{title: lambda one, kind=kind: '{:,.1f} times ours'.format(one[kind] / one['us'])
+           for kind, title in (('one_by_one_us', 'STRtree, polygon by polygon'),
+                               ('at_once_us', 'STRtree, all polygons at once'),
+                               ('grid_us', 'outline on a grid'))}}),
     'threads': lambda figures: table_of(figures['scene'].get('threads', []), {
         'of two sets of 1,000': '{query}', 'one thread': '{one_us:,.0f}',
         'two threads': '{two_us:,.0f}',

@@ -176,6 +176,11 @@ class Monitor:
         """Record that the next message of a name is not known to continue the one before."""
         self._follow_stream(name, partial(self.scene.interrupt, name))
 
+    def lose(self, name: str) -> None:
+        """Record that messages were lost before the next one; for a source, as it is told so."""
+        if name in self.scene.source_names:
+            self._follow_stream(name, partial(self.scene.lose, name))
+
     def renew(self, name: str) -> None:
         """Start a source anew: a new subscription receives all that its publisher keeps."""
         for item in self.waiting.drop(name):

@@ -52,6 +52,7 @@ _COUNTED_SIZE = 8
 _STAMPED_SIZE = 12
 _TRANSFORM_SIZE = 56
 _TWIST_SIZE = 8 * 6
+_LOSSES_SIZE = 8 * 2
 _COVARIANCE_SIZE = 8 * 36
 _SECOND = 1_000_000_000
 _NOT_UTF8 = 'a frame name is not UTF-8'
@@ -208,6 +209,7 @@ class _Order:
         self.identity = struct.Struct(f'{sign}q').unpack_from
         self.head = struct.Struct(f'{sign}iII').unpack_from
         self.transform = struct.Struct(f'{sign}7d').unpack_from
+        self.losses = struct.Struct(f'{sign}2Q').unpack_from
         self.twist = struct.Struct(f'{sign}2d24xd').unpack_from
 
 
@@ -305,6 +307,29 @@ def decode_command(data: bytes) -> tuple[int, str, Twist]:
     return stamp, frame_id, twist
 
 
+def decode_losses(data: bytes) -> tuple[str, list[tuple[str, int]]]:
+    """
+    Read a MessagesLostEvent: the name of the recorder, and how many messages each topic lost.
+
+    Those lost on the way to the recorder and by itself count together.
+    """
+    order = _order_of(data, _COUNTED_SIZE)
+    lost = []
+    try:
+        recorder, at = _text(data, _COUNTED_SIZE - COUNT_SIZE, order)
+        count, = order.count(data, at)
+        at += COUNT_SIZE
+        for _ in range(count):
+            topic, at = _text(data, at, order)
+            at = ((at - 4 + 7) & ~7) + 4
+            lost.append((topic, sum(order.losses(data, at))))
+            at += _LOSSES_SIZE
+    except struct.error as error:
+        raise MessageError('ends before its statistics do') from error
+    _check_size(data, at)
+    return recorder, lost
+
+
 def stamped(twist: bytes) -> bytes:
     """Return a serialised Twist as a TwistStamped without stamp and frame."""
     order: Literal['little', 'big'] = 'little' if twist[1:2] == b'\1' else 'big'
@@ -330,6 +355,13 @@ def _order_of(data: bytes, least: int = 0) -> _Order:
         raise MessageError(
             f'{len(data)} bytes that begin with {data[:4].hex()!r} are not a message')
     return order
+
+
+def _text(data: bytes, at: int, order: _Order) -> tuple[str, int]:
+    """Return a string, and where a number of 4 bytes after it begins."""
+    length, = order.count(data, at)
+    end = at + COUNT_SIZE + length
+    return data[at + COUNT_SIZE:end].rstrip(b'\0').decode(errors='replace'), (end + 3) & ~3
 
 
 def _name(text: bytes, length: int) -> str:

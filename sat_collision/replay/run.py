@@ -27,6 +27,7 @@ from sat_collision.monitor import Monitor
 from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.bag.storage import Row
 from sat_collision.replay.live import SceneTape, Timeline
+from sat_collision.replay.losses import AfterLoss, apart, LOSS_TYPE, Losses, UNSEEN
 from sat_collision.replay.model.configuration import (
     all_sources, is_subscribed, missing_topics, settings_for, Source, TRANSFORM_TYPE, TWIST_TYPE,
     wrong_types)
@@ -136,6 +137,7 @@ class _Run:
                 settings, self._scene, self._monitor.transforms, footprints, self._tape,
                 None if options.min_ttc is None else max(HORIZON, options.min_ttc))
         self._outputs: BagOutputs | None = None
+        self._losses: Losses | None = None
         self._now = 0
         self._due: float = NEVER
         self._examples: dict[str, dict[str, str]] = {}
@@ -171,6 +173,8 @@ class _Run:
         if not recording.counts.total() and (recording.topics or not recording.problems):
             result.notes.append('the recording has no messages: were the topics published while '
                                 'it was made, with a QoS that suits the recorder?')
+        if result.start is not None and LOSS_TYPE not in recording.topics.values():
+            result.notes.append(UNSEEN)
         result.sources = [self._result_of(source) for source in all_sources(self._settings)]
         result.footprints = self._footprints
         result.contacts = self._timeline.contacts
@@ -194,6 +198,7 @@ class _Run:
         return SourceResult(
             name, source.topic, self._monitor.received[name], rejected,
             examples=self._examples.get(name, {}),
+            lost=self._losses.counts[source.topic] if self._losses else 0,
             undetermined=self._motion.undetermined(name) if self._motion else 0,
             refused=0 if isinstance(source, PathSettings) else sum(
                 count for reason, count in rejected.items() if reason in _OF_CONTENT),
@@ -207,6 +212,7 @@ class _Run:
             result.origin = self._first_stamp(names.keys() - {*TRANSFORM_TOPICS})
         elif not by_header:
             result.origin = self._recording.start
+        self._losses = self._read_losses(start, stop)
         # Messages outside the bounds in metadata.yaml are not dropped. By stamps, messages that
         # are received later may belong to the time that is checked.
         later = WINDOW if self._motion else 0
@@ -229,6 +235,8 @@ class _Run:
         runs: Iterable[Timed] = ordered or rows or (
             (topic, 0 if topic in TRANSFORM_TOPICS else header_stamp(data), [data])
             for topic, _, messages in read for data in messages)
+        if self._losses:
+            runs = apart(runs)
         if self._options.write_bag:
             from sat_collision.replay.output.bag import BagOutputs
             outputs = self._outputs = BagOutputs(
@@ -247,7 +255,8 @@ class _Run:
             # A publisher that keeps its messages would send those of before the start as well.
             kept = {TF_STATIC} & {*self._transforms} | (
                 set() if by_header else self._recording.latched & names.keys())
-            for topic, _, messages in self._recording.rows(kept, None, start):
+            for topic, _, messages in self._rows(kept, None, start):
+                self._lose(names[topic], messages)
                 number = numbers.pop(topic, None)
                 for data in messages if topic == TF_STATIC else ():
                     self._keep(monitor.receive_transforms(topic, data, now))
@@ -271,6 +280,7 @@ class _Run:
                     if now:
                         self._follow(now)
                         self._plans.follow(now)
+            self._lose(names[topic], batch)
             number = numbers.pop(topic, None) if numbers else None
             for name in names[topic]:
                 for k, part in enumerate([[one] for one in batch] if name in single else [batch]):
@@ -301,11 +311,32 @@ class _Run:
             self._motion.command(name, self._monitor.commands.last[name])
         self._follow(now)
 
+    def _lose(self, names: Iterable[str], messages: list[bytes]) -> None:
+        """Tell the monitor of a loss before some messages."""
+        if isinstance(messages[0], AfterLoss):
+            for name in names:
+                self._monitor.lose(name)
+
+    def _read_losses(self, start: int, stop: int | None) -> Losses | None:
+        """Return what the recorder says that it lost; None if it says nothing."""
+        topics = [topic for topic, kind in self._recording.topics.items()
+                  if kind == LOSS_TYPE and self._recording.counts[topic]]
+        losses = Losses(start, stop)
+        for topic, times, events in self._recording.peek(topics) if topics else ():
+            for time, event in zip(times, events):
+                try:
+                    losses.add(time, event)
+                except MessageError as error:
+                    self._undecodable.setdefault(topic, []).append(str(error))
+        return losses if topics else None
+
     def _rows(self, topics: Collection[str], start: int | None = None,
               stop: int | None = None) -> Iterator[Row]:
         """Return messages of the recording; commands without a header are given one."""
         twists = {topic for topic in topics if self._recording.topics.get(topic) == TWIST_TYPE}
         rows = self._recording.rows(topics, start, stop)
+        if self._losses:
+            rows = self._losses.mark(rows)
         return ((topic, times, [*map(stamped, messages)] if topic in twists else messages)
                 for topic, times, messages in rows) if twists else rows
 

@@ -352,7 +352,7 @@ class Listings(Knowledge):
             self._newer.append(one)
             if len(self._newer) > _MAX_NEWER:
                 self._newer.pop(0).group.clear()
-                self.miss(f'{_MAX_NEWER} sets in a row were not whole', now)
+                self.miss(self._missed or f'{_MAX_NEWER} sets in a row were not whole', now)
         else:
             one.group.clear()
         self._ends.append(now)

@@ -349,6 +349,10 @@ class Scene(SceneView):
         receiver: Footprint | Source = self._sources.get(name) or self._footprints[name]
         receiver.stream.interrupt()
 
+    def lose(self, name: str) -> None:
+        """Record that messages of a source were lost before its next one."""
+        self._sources[name].stream.lose()
+
     def mix(self, name: str, is_mixed: bool) -> None:
         """Begin or end a time at which messages of a source may be of any publisher."""
         self._sources[name].mix(is_mixed, self._now)

@@ -298,8 +298,8 @@ class Source:
         """
         knowledge, stream = self.knowledge, self.stream
         expected = stream.next
-        if (expected is None or number not in (None, expected) or stream.awaits_endpoint
-                or self._mixed is not None or self._is_far
+        if (expected is None or number not in (None, expected) or stream.is_lossy
+                or stream.awaits_endpoint or self._mixed is not None or self._is_far
                 or not 0 < stamp <= now <= stamp + self.timeout):
             return 0
         group = knowledge.group_to_extend(stamp)

@@ -66,6 +66,8 @@ class Stream:
         # Number of messages lost so far; whether the middleware gives numbers, which show that.
         self.lost = 0
         self.is_numbered = True
+        # Whether messages were lost before the next one, where no number shows it.
+        self.is_lossy = False
         # For how long numbers that only two publishers can have sent are a fault, and until when
         # they are one now, NEVER if they are not.
         self.timeout: float = NEVER
@@ -123,6 +125,8 @@ class Stream:
         self.is_numbered = number is not None
         if number is None:
             number = 2 if expected is None else expected
+        number += self.is_lossy
+        self.is_lossy = False
         self.next = number + 1
         self._newest = max(self._newest, number)
         if not self.is_again:
@@ -150,6 +154,10 @@ class Stream:
         self.lost += number - expected
         self._doubt_publisher(number)
         return LOST
+
+    def lose(self) -> None:
+        """Record that messages were lost before the next one, where no number shows it."""
+        self.is_lossy = True
 
     def update(self, endpoints: Sequence[Endpoint]) -> bool:
         """Update the publishers; return whether knowledge of obstacles must begin anew."""

@@ -24,6 +24,7 @@ import pytest
 from recordings import box, drive, main, run_without, SOURCE, STAMPS, START, write
 from rosbags.rosbag2 import Reader
 from sat_collision.demo import warehouse
+from sat_collision.replay.losses import UNSEEN
 from sat_collision.replay.output.text import Progress
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -197,7 +198,7 @@ def test_example(tmp_path, capsys):
     assert main([example, '--params-file', f'{example}/params.yaml', '--json', str(result)],
                 None) == 1
     bag, = json.loads(result.read_text())['bags']
-    assert bag['notes'] == []
+    assert bag['notes'] == [UNSEEN]
     found = {(contact['footprint'], contact['obstacle']) for contact in bag['contacts']}
     assert found == {(name, f'{source}/{key}') for name, contacts in warehouse.CONTACTS.items()
                      for source, key in contacts}

@@ -36,19 +36,25 @@ from sat_collision.replay.run import check as check_as_given  # noqa: E402
 
 NAMES = ('autoware_ego_trajectory_boxes', 'commonroad_USA_Lanker-1_1_ego1247',
          'tysik_front_scan_polygons')
+LOST = 'rosbag2_interfaces/msg/MessagesLostEvent'
 TYPES = get_typestore(Stores.ROS2_JAZZY)
 for fields, name in (
-        ('float64 x\nfloat64 y', 'Point2D'), ('Point2D[] points', 'Polygon2D'),
-        ('std_msgs/Header header\nPolygon2D polygon', 'Polygon2DStamped'),
+        ('float64 x\nfloat64 y', 'polygon_msgs/msg/Point2D'),
+        ('Point2D[] points', 'polygon_msgs/msg/Polygon2D'),
+        ('std_msgs/Header header\nPolygon2D polygon', 'polygon_msgs/msg/Polygon2DStamped'),
         ('std_msgs/Header header\nPolygon2D[] polygons\nstd_msgs/ColorRGBA[] colors',
-         'Polygon2DCollection')):
-    TYPES.register(get_types_from_msg(fields, f'polygon_msgs/msg/{name}'))
+         'polygon_msgs/msg/Polygon2DCollection'),
+        ('string topic_name\nuint64 messages_lost_in_transport\n'
+         'uint64 messages_lost_in_recorder', f'{LOST}TopicStat'),
+        ('string node_name\nMessagesLostEventTopicStat[] messages_lost_statistics', LOST)):
+    TYPES.register(get_types_from_msg(fields, name))
 _FOLDER = tempfile.TemporaryDirectory(prefix='sat_collision_recordings_')
 
 START = 1_700_000_000 * 10**9
 POLYGON = 'geometry_msgs/msg/PolygonStamped'
 POLYGON_2D = 'polygon_msgs/msg/Polygon2DStamped'
 COLLECTION = 'polygon_msgs/msg/Polygon2DCollection'
+LOST_TOPIC = '/events/rosbag2_messages_lost'
 INSTANCE = 'geometry_msgs/msg/PolygonInstanceStamped'
 LATCHED = Qos(QosHistory.KEEP_LAST, 10, QosReliability.RELIABLE, QosDurability.TRANSIENT_LOCAL,
               *[QosTime(0, 0)] * 2, QosLiveliness.AUTOMATIC, QosTime(0, 0), False)
@@ -109,6 +115,13 @@ def write(path, messages, storage='mcap', compression=None, types=None, latched=
             data = content if isinstance(content, bytes) else serialised(content, stamp)
             writer.write(topics[topic], stamp, data)
     return Path(path)
+
+
+def losses(time, recorder='/rosbag2_recorder', **lost):
+    """Return an event of a recorder at a time: lost on the way and by it, by topic."""
+    kind, event = TYPES.types[f'{LOST}TopicStat'], TYPES.types[LOST]
+    return LOST_TOPIC, time, bytes(TYPES.serialize_cdr(event(recorder, [
+        kind(f'/{topic}', *counts) for topic, counts in lost.items()]), LOST))
 
 
 def published(name, storage='mcap'):

@@ -138,6 +138,7 @@ class McapFile(Storage):
             yield from pending.take(following.first if following else 2**64)
         if start is None and stop is None:
             self._compare(read, 'can be read')
+            self._is_surveyed = True
 
     def _survey(self) -> Counter[int]:
         """Read all of a file whose summary is not complete; return the counts by channel."""

@@ -234,6 +234,7 @@ class SourceResult:
     # two messages could not be matched: only the messages themselves were decided.
     undetermined: int = 0
     refused: int = 0  # for their content, such as NaN or self-intersection
+    lost: int = 0  # messages that the recorder lost, as far as it recorded that
     known_by: str = ''  # the rule by which all obstacles of it are known
 
 

@@ -266,8 +266,9 @@ def _tables_of(result: Result, contacts: list[Contact]) -> list[dict[str, Any]]:
         ('Footprints', '', (*FOOTPRINTS, 'topic'),
          [(*footprint_row(one, result), one.topic) for one in result.footprints]),
         ('Least time to collision', '', SOONEST, soonest_rows(result)),
-        ('Messages', '', ('source', 'topic', 'received', 'motion undetermined [s]'),
-         [(source.name, source.topic, str(source.received), f'{source.undetermined / 1e9:.3f}')
+        ('Messages', '', ('source', 'topic', 'received', 'lost', 'motion undetermined [s]'),
+         [(source.name, source.topic, str(source.received), str(source.lost),
+           f'{source.undetermined / 1e9:.3f}')
           for source in result.sources]),
         ('Rejections', '', ('source', 'messages', 'reason', 'the first one'),
          [(source.name, str(count), reason, source.examples.get(reason, ''))

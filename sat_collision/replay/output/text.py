@@ -110,6 +110,8 @@ def report(result: Result) -> list[str]:
         for reason, count in source.rejected.items():
             lines += [f'  {source.name}: {count} messages rejected: {reason}',
                       f'    the first one: {source.examples[reason]}']
+    lines += [f'  {source.name}: {source.lost} messages lost when it was recorded'
+              for source in result.sources if source.lost]
     lines += [f'  {source.name}: {how_undetermined(source)}' for source in result.sources
               if source.undetermined]
     lines += [f'  {footprint.name}: {how_soon(footprint, result)}'

@@ -15,6 +15,7 @@ import pytest
 import recordings
 from recordings import (
     box, declared, EACH, INSTANCE, main, MARKS, POLYGON, published, SOURCE, STAMPS, START, write)
+from sat_collision.replay.losses import UNSEEN
 from sat_collision.replay.model.result import AT_A_SAMPLE, BETWEEN_SAMPLES, Options, Verdict
 
 NAMES = ('autoware_ego_trajectory_boxes', 'commonroad_BEL_Zaventem-1_2_T-1',
@@ -53,7 +54,7 @@ def test_leader_at_constant_distance_is_not_touched(tmp_path):
     values = [value for _, value in result.footprints[0].separation if value is not None]
     assert len(values) >= 38
     assert values == pytest.approx([0.1] * len(values), abs=1e-5)
-    assert result.notes == []
+    assert result.notes == [UNSEEN]
     assert check(bag, Options(as_live=True)).verdict is Verdict.COLLISION
     result = check(bag, set_end=None)
     assert result.verdict is Verdict.COLLISION and [contact.obstacle for contact in (

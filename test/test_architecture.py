@@ -36,7 +36,7 @@ COMPILERS = tuple(f'sat_collision.geometry.{name}'
 RESERVED = {
     'numba': COMPILERS,
     'llvmlite': ('sat_collision.geometry.jit',),
-    'rclpy': ('sat_collision.node', 'sat_collision.demo.show'),
+    'rclpy': ('sat_collision.node', 'sat_collision.demo.show', 'sat_collision.demo.publish'),
     'rclpy.serialization': ('sat_collision.node', 'sat_collision.demo.show',
                             'sat_collision.messages.interfaces'),
     'rosbags': ('sat_collision.messages.rosbags_interfaces', 'sat_collision.replay'),

@@ -46,7 +46,7 @@ from sat_collision.node.subscriptions import (
     CommandSubscriptions, PathSubscriptions, subscribe_transforms, Subscriptions, transform_type)
 from sat_collision.node.watchdog import ClockWatch, Every, Systemd, Watchdog
 from sat_collision.scene.parameters import is_name_of, ParameterError, parameters_by_node
-from sat_collision.scene.settings import NEVER, Settings, TF
+from sat_collision.scene.settings import NEVER, POLYGON, Settings, TF
 import yaml
 
 NAME = 'footprint_monitor'
@@ -61,8 +61,10 @@ _LEASE = 0.5
 _TICK = 0.1
 _HEALTH_PERIOD = 1.0
 _LOG_PERIOD = 1.0
-# Start-up time in s, after which what is still unknown is logged.
-_STARTED = 5.0
+# Start-up time in s, after which what is still unknown is logged: with a tick, within 2 s.
+_STARTED = 1.8
+# On what, and in which type, `sat_collision.demo.publish` publishes.
+_TRIED = [('/footprint', POLYGON), ('/obstacles', POLYGON)]
 # Min ticks in the time after which the watchdog reports a stall.
 _TICKS_IN_TIME = 3.0
 _SHORTEST_TICK = 0.02
@@ -257,7 +259,7 @@ class FootprintMonitor(Node):
             faults = [fault for one in self._transform_inputs for fault in faults_of(self, one)]
             self._health.publish(self._monitor, self._outputs.statuses(), faults)
             if self._transform_inputs and not self.count_publishers(TF):
-                faults.append(f'{TF} has no publisher')
+                faults.append(f'{TF} has no publisher: start what publishes the transforms')
             self._scene.note_transforms(tuple(faults))
             for name, advice in self._scene.advice.items():
                 if name not in self._advised:
@@ -319,12 +321,20 @@ class FootprintMonitor(Node):
         self.get_logger().error(f'the monitor goes on after a stall of {stalled:.1f} s')
 
     def _report_unknown(self) -> None:
-        """Log once, after the start-up time, what is still unknown and why."""
+        """Log once, after the start-up time, what is still unknown, why, and what to try."""
         self._reports_unknown_at = NEVER
         reasons = {reason for footprint in self._scene.settings.footprints
                    if footprint.enabled for reason in self._scene.unknown_reasons(footprint.name)}
         for reason in sorted(reasons):
             self.get_logger().warning(f'unknown since the start: {reason}')
+        for name, fault in self._commands.faults.items():
+            if fault:
+                self.get_logger().warning(f'{name}: no contact is predicted: {fault}')
+        settings = self._scene.settings
+        if ([(one.topic, one.type) for one in (*settings.footprints, *settings.obstacles)]
+                == _TRIED and not any(self.count_publishers(topic) for topic, _ in _TRIED)):
+            self.get_logger().info('nothing is published yet; to try the node, publish a robot '
+                                   f'and a post: {sys.executable} -m sat_collision.demo.publish')
 
     def _log(self, rejections: Iterable[Rejection]) -> None:
         """Log rejected messages, once a second at most for each source and reason."""

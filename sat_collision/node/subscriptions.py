@@ -286,6 +286,11 @@ class PathSubscriptions(_LateSubscriptions):
         return ''
 
 
+def _unpublished(command: CommandSettings) -> str:
+    return (f'{command.topic} has no publisher: publish the commands there, or correct '
+            f'{command.name}')
+
+
 class CommandSubscriptions(_LateSubscriptions):
     """
     Subscribes to commands once the type in which they are published is known.
@@ -299,7 +304,8 @@ class CommandSubscriptions(_LateSubscriptions):
         super().__init__(node, group, inputs)
         self._commands = {one.name: one.command for one in settings.footprints if one.command}
         self._subscribed: dict[str, Input] = {}
-        self._faults: dict[str, str] = {}
+        # Why no command can come to a footprint, by its name; empty if one can.
+        self.faults: dict[str, str] = {}
         # Names of inputs whose messages are of type Twist, without a header.
         self.without_stamps: set[str] = set()
 
@@ -313,8 +319,8 @@ class CommandSubscriptions(_LateSubscriptions):
             one = self._subscribed.get(command.name)
             fault = ('' if one and one.subscription.get_publisher_count()
                      else self._follow(command, one))
-            before, self._faults[footprint] = self._faults.get(footprint), fault
-            if fault not in ('', before, f'{command.topic} has no publisher'):
+            before, self.faults[footprint] = self.faults.get(footprint), fault
+            if fault not in ('', before, _unpublished(command)):
                 self._node.get_logger().error(f'{command.name}: {fault}')
             yield footprint, fault
 
@@ -325,7 +331,7 @@ class CommandSubscriptions(_LateSubscriptions):
         if not types:
             return (f'{command.topic} is published as {", ".join(sorted(published))}, but a '
                     f'command has to be {" or ".join(_COMMAND_TYPES)}' if published
-                    else f'{command.topic} has no publisher')
+                    else _unpublished(command))
         if one and one.subscription.msg_type not in map(_COMMAND_TYPES.get, types):
             del self._subscribed[command.name]
             self.without_stamps.discard(command.name)

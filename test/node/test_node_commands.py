@@ -125,6 +125,8 @@ def test_commands_that_cannot_come_are_warned_of(start_with_tf):
         return status and status.level == DiagnosticStatus.WARN and status.message.startswith(
             f'clear: no contact is predicted: /cmd_vel {words}')
     robot.until(lambda: warns('has no publisher'), 'a warning')
+    assert running.logged('footprint: no contact is predicted: /cmd_vel has no publisher: ',
+                          'correct footprint.cmd_vel')
     publisher = running.node.create_publisher(Bool, 'cmd_vel', 10)
     wrong = 'is published as std_msgs/msg/Bool, but a command has to be geometry_msgs/msg/Twist '
     robot.until(lambda: warns(wrong), 'a warning of its type')

@@ -225,6 +225,18 @@ def test_contacts_match_the_true_poses(start_with_tf, seed):
     assert FIXED == running.monitor._scene.frame_id
 
 
+def test_start_without_transforms_logs_what_to_do(start_with_tf):
+    running = start_with_tf(footprint__radius=0.5, footprint__frame_id='base')
+    assert running.logged('unknown since the start: ', '/tf has no publisher: start what')
+
+
+def test_start_with_transforms_of_other_frames_logs_what_to_do(start_with_tf):
+    running = start_with_tf(footprint__radius=0.5, footprint__frame_id='base')
+    send_transforms(running, ('odom', 'other', running.now(), 0.0, 0.0))
+    assert running.logged('footprint: a message on /tf was rejected, unknown frame: ',
+                          'only odom, other; correct the frame_id, or publish its transform on')
+
+
 def test_lack_of_transforms_says_what_is_lacking(start_with_tf, join):
     """Nothing published, another type, a QoS that does not fit; and a frame nobody tells of."""
     running = start_with_tf(footprint__radius=0.5, footprint__frame_id='base')

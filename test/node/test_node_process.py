@@ -13,11 +13,13 @@ import functools
 import os
 from pathlib import Path
 import re
+import shlex
 import signal
 import subprocess
 import sys
 import time
 
+from geometry_msgs.msg import PolygonStamped
 from harness import box
 import pytest
 from sat_collision.node.__main__ import main
@@ -99,6 +101,27 @@ def ended(process):
     """Wait for the end of the process; return exit status and output."""
     output, _ = process.communicate(timeout=60)
     return process.returncode, output
+
+
+def test_what_to_try_works(launch, run, peer):
+    """The log names a command that publishes what the node checks."""
+    process = launch()
+    line = next(line for line in process.stdout if 'nothing is published yet' in line)
+    python, *command = shlex.split(line.rpartition(': ')[2])
+    assert python == sys.executable
+    publisher = run(*command)
+    for state in ('clear', 'collision', 'clear'):
+        peer.until(lambda: peer.state() == state, state)
+    publisher.send_signal(signal.SIGINT)
+    assert publisher.wait(60) == 0
+
+
+def test_nothing_to_try_is_named_where_something_is_published(launch, peer):
+    peer.node.create_publisher(PolygonStamped, 'footprint', 1)
+    process = launch()
+    output_until(process, '/obstacles has no publisher')
+    process.send_signal(signal.SIGINT)
+    assert 'nothing is published' not in ended(process)[1]
 
 
 @pytest.mark.parametrize('number', (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))

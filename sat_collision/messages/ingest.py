@@ -228,10 +228,8 @@ class Ingest:
                     self.follow_maps(now)
                 if settings.moving and obstacle and instance is not None and refusal is None:
                     scene.track_obstacle(name, instance, vertices_of(points, affine), stamp, now)
-        except MessageError as error:
-            return self.refuse(settings, UNDECODABLE, str(error), now, number=number)
-        except PolygonError as error:
-            return self.refuse(settings, error.reason.value, str(error), now, stamp, instance,
+        except (MessageError, PolygonError) as error:
+            return self.refuse(settings, _reason_of(error), str(error), now, stamp, instance,
                                number)
         refused, self._refused = self._refused, []
         for _, problem in refused:
@@ -279,10 +277,8 @@ class Ingest:
                     affine = found.affine
             if not refusal:
                 body = self._shape(settings, points, affine)
-        except MessageError:
-            refusal = UNDECODABLE
-        except PolygonError as error:
-            refusal = error.reason.value
+        except (MessageError, PolygonError) as error:
+            refusal = _reason_of(error)
         self._scene.receive_early(settings.name, body, stamp, order, instance, refusal)
         self._refused = []
         return None
@@ -408,3 +404,7 @@ class Ingest:
         """Count a refused message and return its Rejection."""
         self.rejected[settings.name, reason] += 1
         return Rejection(settings.name, settings.topic, reason, detail)
+
+
+def _reason_of(error: MessageError | PolygonError) -> str:
+    return error.reason.value if isinstance(error, PolygonError) else UNDECODABLE

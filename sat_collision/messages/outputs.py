@@ -87,7 +87,7 @@ class Outputs:
     """The publishers of a scene; figures are computed only for topics with subscribers."""
 
     def __init__(self, node: NodeLike, settings: Settings, scene: Scene,
-                 flag_qos: Any = 10) -> None:
+                 flag_qos: Any = 10, measures: bool = True) -> None:
         self._clock = node.get_clock()
         self._scene = scene
         self._common_flag = node.create_publisher(Bool, '~/collision', flag_qos)
@@ -113,22 +113,15 @@ class Outputs:
         self._marker_message = b''
         # Whether that message is up to date; must be unset when a body has changed.
         self.markers_current = False
+        # Whether distances are measured. If not, states say so, and neither contacts nor markers
+        # are published.
+        self.measures = self._states.is_measured = measures
         self.configure(settings)
 
-    @property
-    def measures(self) -> bool:
-        """
-        Whether distances are measured.
-
-        If not, states say so, and neither contacts nor markers are published.
-        """
-        return self._states.is_measured
-
-    @measures.setter
-    def measures(self, measures: bool) -> None:
-        if measures != self._states.is_measured:
-            self._states.is_measured = measures
-            self._states.note(self._flags)
+    def begin_measuring(self) -> None:
+        """Measure distances from now on."""
+        self.measures = self._states.is_measured = True
+        self._states.note(self._flags)
 
     def configure(self, settings: Settings) -> None:
         """Apply settings, which may change the meaning of every flag."""

@@ -103,8 +103,8 @@ class FootprintMonitor(Node):
         self._scene = self._monitor.scene
         middleware = get_rmw_implementation_identifier()
         self._scene.use_middleware(middleware)
-        self._outputs = Outputs(self, settings, self._scene, flag_qos())
-        self._outputs.measures = self._preparation.is_complete()
+        self._outputs = Outputs(self, settings, self._scene, flag_qos(),
+                                self._preparation.is_complete())
         self._health = Health(self, {'kernel': KERNEL, 'middleware': middleware,
                                      'problem of kernels': kernel_problem() or 'none'})
         self._logged: dict[tuple[str, str], float] = {}
@@ -288,8 +288,8 @@ class FootprintMonitor(Node):
         if steady >= self._reports_unknown_at:
             self._report_unknown()
         self._scene.stop_clock(self._clock_fault(now, steady) if self._is_simulated else '')
-        if not self._outputs.measures:
-            self._outputs.measures = self._preparation.is_complete()
+        if not self._outputs.measures and self._preparation.is_complete():
+            self._outputs.begin_measuring()
 
     def _clock_fault(self, now: int, steady: float) -> str:
         """Return why simulated time cannot be trusted, empty if it can."""

@@ -20,7 +20,7 @@ in ns.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import cast, NamedTuple
 
@@ -167,13 +167,11 @@ class Listings(Knowledge):
     @property
     def groups(self) -> list[ObstacleGroup]:
         """The groups of obstacles that are held."""
-        return [one.group for one in self._held()]
+        return [one.group for one in self._held]
 
-    def _held(self) -> Iterator[_Listing]:
-        if self._whole:
-            yield self._whole
-        yield from self._newer
-        yield self._open
+    @property
+    def _held(self) -> list[_Listing]:
+        return [*([self._whole] if self._whole else ()), *self._newer, self._open]
 
     @property
     def count(self) -> int:
@@ -192,36 +190,20 @@ class Listings(Knowledge):
         return (len(ends) - 1) / (ends[-1] - ends[0]) * 1e9 if ends and ends[-1] > ends[0] else 0.0
 
     def receive(self, message: Message, now: int) -> str | None:
-        self.begin_run(message, now)
-        if self._end == EACH_MESSAGE:
-            self._open.is_sound = self._replaces(message)
-        group = self.group_for(message, now)
-        refusal = message.refusal or group.take(
+        self._continue(message, now)
+        one = self._join(message, now)
+        self.newest = max(self.newest, message.stamp)
+        if message.time < one.time:
+            place = len(one.group) if message.instance is None else message.instance
+            one.time, one.oldest = message.time, ObstacleId(self._store.source, place)
+        one.begun = min(one.begun, now)
+        refusal = message.refusal or one.group.take(
             message.body, message.frame_id, message.time, message.instance)
         if refusal:
             self.refuse(refusal, now)
         if self._end == EACH_MESSAGE:
             self._close(now)
         return refusal
-
-    def begin_run(self, message: Message, now: int) -> None:
-        """Receive what the first message of a run says, but for its obstacle."""
-        self._continue(message, now)
-        if self._end == NEW_STAMP:
-            self._separate(message, now)
-        self._is_unread = False
-
-    def group_for(self, message: Message, now: int) -> SetGroup:
-        """Return the group of the open listing, for an obstacle of a message."""
-        one = self._open
-        self.newest = max(self.newest, message.stamp)
-        self.joined = one.number
-        one.stamp = message.stamp
-        if message.time < one.time:
-            place = len(one.group) if message.instance is None else message.instance
-            one.time, one.oldest = message.time, ObstacleId(self._store.source, place)
-        one.begun = min(one.begun, now)
-        return one.group
 
     def group_to_extend(self, stamp: int) -> SetGroup | None:
         """Return the group that messages of a stamp only add to."""
@@ -232,17 +214,10 @@ class Listings(Knowledge):
     def end(self, message: Message, now: int) -> None:
         """Receive an empty polygon: the end of a set, or a set of none."""
         self._continue(message, now)
-        if self._end == NEW_STAMP:
-            if message.stamp == self._open.stamp:
-                self.joined = self._open.number
-                return
-            self._separate(message, now)
-        elif self._end == EACH_MESSAGE:
-            self._open.is_sound = self._replaces(message)
-        self._is_unread = False
-        one = self._open
-        one.stamp = message.stamp
-        self.joined = one.number
+        if self._end == NEW_STAMP and message.stamp == self._open.stamp:
+            self.joined = self._open.number
+            return
+        one = self._join(message, now)
         if one.is_empty:
             one.time = message.time
         self._close(now)
@@ -269,7 +244,7 @@ class Listings(Knowledge):
         if whole:
             self._newer.insert(0, whole)
             self._whole = None
-        for one in [*self._held()]:
+        for one in self._held:
             one.group.forget_before(now - self.timeout)
             if one is not self._open and one.group.oldest == NEVER:
                 self._newer.remove(one)
@@ -320,6 +295,17 @@ class Listings(Knowledge):
         elif message.news is JOINED:
             self._missed = self._missed or _FROM_MIDDLE
 
+    def _join(self, message: Message, now: int) -> _Listing:
+        """Return the listing that a message belongs to."""
+        if self._end == NEW_STAMP:
+            self._separate(message, now)
+        elif self._end == EACH_MESSAGE:
+            self._open.is_sound = self._replaces(message)
+        self._is_unread = False
+        self._open.stamp = message.stamp
+        self.joined = self._open.number
+        return self._open
+
     def _separate(self, message: Message, now: int) -> None:
         """Let a message of another stamp than the last one end the open listing."""
         one, stamp = self._open, message.stamp
@@ -340,7 +326,7 @@ class Listings(Knowledge):
         """End the open listing, which replaces all older ones if it is whole."""
         one = self._open
         if one.is_sound:
-            for held in self._held():
+            for held in self._held:
                 if held is not one:
                     held.group.clear()
             self._newer.clear()
@@ -417,14 +403,17 @@ class Refreshed(Knowledge):
         if refusal and not message.instance:
             self.refuse(refusal, now)
             return refusal
-        self.begin_run(message, now)
+        self._continue(message, now)
         if message.instance and by_id is not None:
             # A message with an id has one polygon.
             body = cast(PackedBody | None, message.body)
             refusal = by_id.take(message.instance, body, message.frame_id, message.stamp,
                                  message.time, refusal, self.room > 0)
         elif self.room > 0:
-            self.group_for(message, now).take(message.body, message.frame_id, message.time)
+            end = self._end_of_part(message.stamp)
+            if end not in self._parts:
+                self._parts[end] = self._store.new_set()
+            self._parts[end].take(message.body, message.frame_id, message.time)
             self.gather(message.stamp, 1)
         else:
             refusal = TOO_MANY
@@ -432,7 +421,7 @@ class Refreshed(Knowledge):
             self.refuse(refusal, now)
         return refusal
 
-    def begin_run(self, message: Message, now: int) -> None:
+    def _continue(self, message: Message, now: int) -> None:
         """Receive what a message proves: that what has not been sent again by then is gone."""
         stamp = message.stamp
         if message.news is not CONTINUES or self._begun == NEVER:
@@ -448,22 +437,18 @@ class Refreshed(Knowledge):
         if stamp > self._begun + self.timeout + self._tolerance:
             self.is_known = True
 
-    def group_for(self, message: Message, now: int) -> SetGroup:
-        """Return the group for an obstacle without an id, which has just been heard."""
-        end = (message.stamp // self._part + 1) * self._part
-        if end not in self._parts:
-            self._parts[end] = self._store.new_set()
-        return self._parts[end]
+    def _end_of_part(self, stamp: int) -> int:
+        return (stamp // self._part + 1) * self._part
 
     def group_to_extend(self, stamp: int) -> SetGroup | None:
         """Return the group that messages of a stamp only add to."""
         return None if (self.by_id is not None or stamp != self.newest or self._begun == NEVER
-                        ) else self._parts.get((stamp // self._part + 1) * self._part)
+                        ) else self._parts.get(self._end_of_part(stamp))
 
     def end(self, message: Message, now: int) -> None:
         """Receive an empty polygon, which shows by its stamp that the publisher is alive."""
         if message.is_stamped:
-            self.begin_run(message, now)
+            self._continue(message, now)
         elif message.news is not CONTINUES:
             self.miss(LOSS if message.news is LOST else '', now)
 

@@ -75,12 +75,12 @@ def let_sets_be_as_old_as_their_marks(patch):
 
 
 def separate_marked_sets_by_stamps(patch):
-    def begin_run(self, message, now, original=Listings.begin_run):
+    def follow(self, message, now, original=Listings._continue):
         original(self, message, now)
         if self._end == EMPTY_POLYGON and self._open.stamp not in (-NEVER, message.stamp):
             self._open.group.clear()
             self._open = self._new_listing(is_sound=True)
-    patch.setattr(Listings, 'begin_run', begin_run)
+    patch.setattr(Listings, '_continue', follow)
 
 
 def let_older_stamps_end_sets(patch):
@@ -185,10 +185,10 @@ def go_on_where_a_publisher_came(patch):
 
 
 def know_bodies_at_once(patch):
-    def begin_run(self, message, now, original=Refreshed.begin_run):
+    def follow(self, message, now, original=Refreshed._continue):
         original(self, message, now)
         self.is_known = True
-    patch.setattr(Refreshed, 'begin_run', begin_run)
+    patch.setattr(Refreshed, '_continue', follow)
 
 
 def forget_bodies_by_time(patch):

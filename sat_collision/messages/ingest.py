@@ -69,11 +69,7 @@ class Batch:
 
 
 class Placement(NamedTuple):
-    """
-    A message that was taken, or a run of messages that differ only in their points.
-
-    Recorded motion is found from these.
-    """
+    """For recorded motion: a message that was taken, or a run that differ only in their points."""
 
     name: str  # of the footprint or source of obstacles
     stamp: int  # in ns, the time of reception if it has none

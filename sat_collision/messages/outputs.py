@@ -106,7 +106,6 @@ class Outputs:
         self._raised: set[str] = set()
         self._node_name = node.get_fully_qualified_name()
         self._states = States(self._node_name, settings)
-        self._brief_states = States(self._node_name, settings, moving=False)
         self._state_publisher = node.create_publisher(DiagnosticArray, '~/state', 10)
         self._markers = Markers()
         self._marker_publisher = node.create_publisher(MarkerArray, '~/markers', 1)
@@ -125,7 +124,7 @@ class Outputs:
 
     def configure(self, settings: Settings) -> None:
         """Apply settings, which may change the meaning of every flag."""
-        self._states.settings = self._brief_states.settings = settings
+        self._states.settings = settings
         self._raising = [Status.COLLISION, Status.IMMINENT]
         if settings.unknown_is_collision:
             self._raising.append(Status.UNKNOWN)
@@ -143,7 +142,6 @@ class Outputs:
             else:
                 self._raised.discard(name)
         self._states.note(names)
-        self._brief_states.note(names)
         self.markers_current = False
 
     def publish_rise(self, names: Iterable[str]) -> None:
@@ -204,8 +202,9 @@ class Outputs:
 
     def statuses(self) -> list[Any]:
         """Return a status of each footprint, without the values that change all the time."""
-        self._brief_states.update(self._scene)
-        return self._brief_states.statuses
+        states = States(self._node_name, self._states.settings, moving=False)
+        states.update(self._scene)
+        return states.statuses
 
     def publish_unknown(self, reason: str) -> list[Any]:
         """

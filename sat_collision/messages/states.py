@@ -38,11 +38,7 @@ _MOVING = ('age', 'least separation', 'nearest obstacle', 'nearest obstacle is n
 
 
 def in_words(state: State, margin: float = 0.0, prediction: Prediction | None = None) -> str:
-    """
-    Return a footprint's state in a few words.
-
-    The margin is that of the settings, in m; the prediction is that of an imminent collision.
-    """
+    """Return a state in a few words; the prediction is that of an imminent collision."""
     if state.status is Status.IMMINENT and prediction and prediction.obstacle:
         most = '' if prediction.is_known else 'at most '
         return f'collision with {prediction.obstacle} in {most}{prediction.seconds:.1f} s'

@@ -49,7 +49,6 @@ class TransformListener:
         self.configure(settings)
 
     def configure(self, settings: Settings) -> None:
-        """Apply settings."""
         self._target = settings.frame_id
         self._tolerance = round(settings.future_tolerance * 1e9)
         self.frames.configure(settings.max_tf_gap * 1e9, settings.max_tilt)

@@ -93,11 +93,7 @@ class Contacts:
         return True
 
     def place_run(self, run: Run, rows: Any, first: int, limit: int) -> int:
-        """
-        Place obstacles of a run, up to a limit; return how many.
-
-        It stops before the first one that has no row, or may meet a footprint.
-        """
+        """Place a run until a body has no row or may meet a footprint; return how many."""
         return self._obstacles.polygons.place_run(
             run, rows, first, limit, self._footprints.polygons, self.margin)
 

@@ -22,8 +22,6 @@ from sat_collision.scene.velocity import Command, MotionTracker
 
 
 class Status(enum.Enum):
-    """The status of a footprint."""
-
     CLEAR = 'clear'
     IMMINENT = 'imminent'
     COLLISION = 'collision'
@@ -31,8 +29,6 @@ class Status(enum.Enum):
 
 
 class State(NamedTuple):
-    """The state of a footprint."""
-
     status: Status
     # The obstacles in contact with it, sorted; empty unless in collision.
     contacts: tuple[ObstacleId, ...]

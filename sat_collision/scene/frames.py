@@ -125,11 +125,7 @@ class Frames:
         self.configure(max_gap, max_tilt)
 
     def clear(self, after: float = -NEVER) -> None:
-        """
-        Forget all moving frames, as tf2 does, or those with transforms after a time.
-
-        Static ones are published only once.
-        """
+        """Forget moving frames, or those with transforms after a time; static ones come once."""
         self._moving = {frame: track for frame, track in self._moving.items()
                         if track.stamps[-1] <= after}
         links = chain(self._static.values(), *(one.links for one in self._moving.values()))

@@ -30,7 +30,7 @@ from sat_collision.scene.obstacle_store import (
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import (
     EACH_MESSAGE, EMPTY_POLYGON, NEVER, NEW_STAMP, ObstacleSettings, POLYGON_INSTANCE)
-from sat_collision.scene.streams import BEGUN, CONTINUES, JOINED, LOST, News
+from sat_collision.scene.streams import BEGUN, CONTINUES, Continuity, JOINED, LOST
 
 LOSS = 'messages were lost'
 _CHANGED = 'its parameters were changed'
@@ -50,7 +50,7 @@ _MEASURED = 10
 class Message(NamedTuple):
     """A message of a source as knowledge receives it."""
 
-    news: News  # the meaning of its number
+    continuity: Continuity  # of its stream, by its number
     stamp: int  # as sent, the time of arrival if it has none
     time: int  # that it counts from: the stamp, or the arrival if that is earlier
     is_stamped: bool
@@ -286,13 +286,13 @@ class Listings(Knowledge):
     def _continue(self, message: Message, now: int) -> None:
         """Follow what the number of a message says."""
         self._hear(message, now)
-        if message.news is BEGUN:
+        if message.continuity is BEGUN:
             self._open.is_sound = True
-        elif message.news is LOST:
+        elif message.continuity is LOST:
             self._missed, self._open.is_sound = LOSS, False
             if self.timeout == NEVER:
                 self.is_known, self.wants_history = False, True
-        elif message.news is JOINED:
+        elif message.continuity is JOINED:
             self._missed = self._missed or _FROM_MIDDLE
 
     def _join(self, message: Message, now: int) -> _Listing:
@@ -315,7 +315,7 @@ class Listings(Knowledge):
         one.is_sound &= is_newer
         if not one.is_empty:
             self._close(now)
-        self._open.is_sound &= is_newer and message.news is CONTINUES and not self._is_unread
+        self._open.is_sound &= is_newer and message.continuity is CONTINUES and not self._is_unread
 
     def _replaces(self, message: Message) -> bool:
         """Return whether a message that is a set by itself replaces the last one."""
@@ -424,8 +424,8 @@ class Refreshed(Knowledge):
     def _continue(self, message: Message, now: int) -> None:
         """Receive what a message proves: that what has not been sent again by then is gone."""
         stamp = message.stamp
-        if message.news is not CONTINUES or self._begun == NEVER:
-            self.miss(LOSS if message.news is LOST else '', now)
+        if message.continuity is not CONTINUES or self._begun == NEVER:
+            self.miss(LOSS if message.continuity is LOST else '', now)
         elif self.newest + self.timeout < stamp:
             self.miss(_GAP, now)
         self._hear(message, now)
@@ -449,8 +449,8 @@ class Refreshed(Knowledge):
         """Receive an empty polygon, which shows by its stamp that the publisher is alive."""
         if message.is_stamped:
             self._continue(message, now)
-        elif message.news is not CONTINUES:
-            self.miss(LOSS if message.news is LOST else '', now)
+        elif message.continuity is not CONTINUES:
+            self.miss(LOSS if message.continuity is LOST else '', now)
 
     def miss(self, cause: str, now: int, group: ObstacleGroup | None = None) -> None:
         self._begun, self._missed, self.is_known = now, cause, False

@@ -186,12 +186,7 @@ class SetGroup(ObstacleGroup):
         self._pending.clear()
 
     def take_run(self, run: Run, limit: int, frame_id: str, time: int) -> int:
-        """
-        Take obstacles of a run, up to a limit.
-
-        Return how many were taken: all before the first one that has no row or may meet a
-        footprint.
-        """
+        """Take obstacles of a run as `Contacts.place_run` does; return how many."""
         begin = self._taken
         count = self._contacts.place_run(run, self._rows, begin, limit) if limit > 0 else 0
         if count:
@@ -202,11 +197,7 @@ class SetGroup(ObstacleGroup):
 
     def take(self, body: Shape | None, frame_id: str, time: int,
              instance: int | None = None) -> str | None:
-        """
-        Take an obstacle; return TOO_MANY if there is no room for it.
-
-        It is named by its id, without one by its place.
-        """
+        """Take an obstacle, named by its id or else by its place; return TOO_MANY without room."""
         if isinstance(body, Polygons):
             return self._take_all(body, frame_id, time)
         sent = None

@@ -51,8 +51,6 @@ class Body(Generic[_Other]):
 
 
 class ObstacleId(NamedTuple):
-    """The name of an obstacle."""
-
     source: str  # name of the source
     key: int  # its id, or without one its place among those received together
     number: int = 0  # tells apart bodies of one name that are there at one time; not shown

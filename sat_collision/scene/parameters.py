@@ -231,7 +231,6 @@ def check_outlines(settings: Settings) -> None:
 
 
 def _pairs(settings: FootprintSettings) -> list[tuple[float, float]]:
-    """Return the points as pairs."""
     points, name = settings.points, settings.name
     if not isinstance(points, str):
         if len(points) % 2:

@@ -37,7 +37,6 @@ class PathCheck(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The check in words."""
         if self.reason:
             return f'unknown: {self.reason}'
         text = 'none' if math.isinf(self.metres) else (

@@ -251,13 +251,13 @@ class Source:
             return refusal
         # The start of a map may be kept by its publisher, unless this is all that it keeps.
         wants_history = self.knowledge.wants_history or not self.stream.is_new
-        news = self.stream.receive(number, now)
+        continuity = self.stream.receive(number, now)
         is_mark = body is None and not refusal and self.settings.set_end == EMPTY_POLYGON
-        if news is JOINED or news is BEGUN:
-            self._begin_anew(now, wants_history=wants_history and news is JOINED)
+        if continuity is JOINED or continuity is BEGUN:
+            self._begin_anew(now, wants_history=wants_history and continuity is JOINED)
         elif stamp and stamp + self.timeout < self.knowledge.newest and not is_mark:
             # The clock of its publisher was set back.
-            news = JOINED
+            continuity = JOINED
             self._count_from(now)
             self._begin_anew(now)
             self.knowledge.miss('its stamps fell by more than its timeout', now)
@@ -265,7 +265,7 @@ class Source:
         if refusal and stamp is None:
             knowledge.refuse(refusal, now, is_read=False)
         else:
-            message = Message(news, stamp or now, time, bool(stamp), body, frame_id, refusal,
+            message = Message(continuity, stamp or now, time, bool(stamp), body, frame_id, refusal,
                               instance)
             if body is None and not refusal:
                 knowledge.end(message, now)
@@ -276,7 +276,7 @@ class Source:
             refusal = refusal or (None if is_mark else TOO_OLD)
             if not knowledge.is_known:
                 knowledge.pass_time(now)
-        if knowledge.is_known is not self._was_known or news is not CONTINUES or (
+        if knowledge.is_known is not self._was_known or continuity is not CONTINUES or (
                 self.faults or refusal):
             self.find_faults(now)
         return refusal

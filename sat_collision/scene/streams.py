@@ -23,8 +23,8 @@ from typing import NamedTuple
 from sat_collision.scene.settings import NEVER
 
 
-class News(enum.Enum):
-    """The meaning of a message's sequence number."""
+class Continuity(enum.Enum):
+    """How the number of a message continues its stream."""
 
     CONTINUES = 'it is the next one of its stream'
     LOST = 'it is of the same stream, but some before it were lost'
@@ -32,7 +32,7 @@ class News(enum.Enum):
     BEGUN = 'it is the first one of its stream'
 
 
-CONTINUES, LOST, JOINED, BEGUN = News
+CONTINUES, LOST, JOINED, BEGUN = Continuity
 
 # For how long numbers of two publishers are a fault where there is no timeout.
 _MIXED_MAP = 10**9
@@ -119,7 +119,7 @@ class Stream:
         """Whether messages are still to come again that were received before."""
         return self._newest < self._again
 
-    def receive(self, number: int | None, now: int) -> News:
+    def receive(self, number: int | None, now: int) -> Continuity:
         """Receive the number of a message; if the middleware gives none, losses go unnoticed."""
         expected = self.next
         self.is_numbered = number is not None

@@ -89,7 +89,6 @@ class Translation(NamedTuple):
 
     @property
     def speed(self) -> float:
-        """Its speed in m/s."""
         return math.hypot(self.vx, self.vy)
 
 

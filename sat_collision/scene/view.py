@@ -109,7 +109,6 @@ class SceneView:
         return footprint.time is not None and not footprint.stale
 
     def status(self, name: str) -> Status:
-        """Return the Status of a footprint."""
         return self._footprints[name].status
 
     def state(self, name: str) -> State:

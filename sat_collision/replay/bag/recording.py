@@ -23,8 +23,8 @@ from sat_collision.extras import in_one_line
 from sat_collision.replay.bag.mcap import McapFile
 from sat_collision.replay.bag.sqlite import SqliteFile
 from sat_collision.replay.bag.storage import (
-    Damage, Faults, in_rows, is_installed, Limits, Message, Row, Scratch, Storage, unpacked,
-    why_not_unpacked, ZSTD_MAGIC)
+    Damage, Faults, in_rows, in_time_order, is_installed, Limits, Message, Row, Scratch, Storage,
+    unpacked, why_not_unpacked, ZSTD_MAGIC)
 import yaml
 
 _STORAGE = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
@@ -101,20 +101,19 @@ class Recording(Storage):
         """Yield the same as `rows`, but leave it out of `content`."""
         read: Counter[str] = Counter()
         unfit = 0
-        for part in self._parts:
-            for row in part.rows(topics, start, stop):
-                topic, _, messages = row
-                # A message in CDR is less, by its first byte.
-                if max(messages) >= ZSTD_MAGIC:
-                    for k, data in enumerate(messages):
-                        if data.startswith(ZSTD_MAGIC):
-                            try:
-                                messages[k] = unpacked(data, 'zstd', self._limits.chunk)
-                            except Damage:
-                                unfit += 1
-                                messages[k] = b''
-                read[topic] += len(messages)
-                yield row
+        for row in in_time_order(self._parts, topics, start, stop):
+            topic, _, messages = row
+            # A message in CDR is less, by its first byte.
+            if max(messages) >= ZSTD_MAGIC:
+                for k, data in enumerate(messages):
+                    if data.startswith(ZSTD_MAGIC):
+                        try:
+                            messages[k] = unpacked(data, 'zstd', self._limits.chunk)
+                        except Damage:
+                            unfit += 1
+                            messages[k] = b''
+            read[topic] += len(messages)
+            yield row
         if unfit:
             self._faults.differs('unfit', f'{unfit} messages are compressed and damaged')
         if start is None and stop is None:
@@ -125,7 +124,7 @@ class Recording(Storage):
         return self._all_faults[-1]
 
     def _find(self) -> list[Path]:
-        """Return the storage files, in the order in which they were written."""
+        """Return the storage files."""
         if not self.path.is_dir():
             return [self.path] if self.path.exists() else []
         present = sorted(

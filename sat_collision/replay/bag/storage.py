@@ -11,9 +11,11 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from heapq import heappop, heappush
 from importlib.util import find_spec
 from pathlib import Path
 import sys
@@ -147,6 +149,39 @@ def in_rows(messages: Iterable[Message]) -> Iterator[Row]:
             row_data.append(data)
     if row[1]:
         yield row
+
+
+def in_time_order(files: Iterable[Storage], topics: Collection[str], start: int | None = None,
+                  stop: int | None = None) -> Iterator[Row]:
+    """
+    Yield the rows of files in the order of time; of messages of one time those of earlier files.
+
+    A file is read from where it begins on, so that of files that follow one another only one is in
+    memory.
+    """
+    ordered = sorted(files, key=lambda file: file.start or 0)
+    # The next time of each file, its number, its next row and the rows after that; None if it has
+    # not begun.
+    heads: list[tuple[int, int, Row | None, Iterator[Row]]] = [
+        (file.start or 0, number, None, iter(()))
+        for number, file in enumerate(ordered)]
+    while heads:
+        _, number, row, rows = heappop(heads)
+        if row is None:
+            rows = ordered[number].rows(topics, start, stop)
+        else:
+            topic, times, messages = row
+            end = len(times)
+            if heads:
+                limit, other, *_ = heads[0]
+                end = (bisect_right if number < other else bisect_left)(times, limit)
+            yield topic, times[:end], messages[:end]
+            if end < len(times):
+                heappush(heads, (times[end], number, (topic, times[end:], messages[end:]), rows))
+                continue
+        row = next(rows, None)
+        if row is not None:
+            heappush(heads, (row[1][0], number, row, rows))
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ import sys
 from types import ModuleType, SimpleNamespace
 import zlib
 
+import numpy as np
 import pytest
 from recordings import box, check, DECLARED, drive, main, POLYGON, run_without, write
 from rosbags.highlevel import AnyReader
@@ -88,6 +89,59 @@ def test_split_recording_is_read_in_order(tmp_path, storage):
     result = check(split)
     assert result.messages == 100
     assert any(names[1] in problem and 'missing' in problem for problem in result.problems)
+
+
+@pytest.mark.parametrize('as_live', (False, True))
+@pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
+@pytest.mark.parametrize('file_of', (
+    lambda k: 2 - k // 110, lambda k: k % 3, lambda k: k // 4 % 3, lambda k: (k + 150) // 200,
+    lambda k: 1 - (k > 280 or 3 < k < 30)),
+    ids=('backwards', 'by topic', 'by turns', 'in order', 'one within another'))
+def test_files_are_merged_in_the_order_of_time(tmp_path, storage, file_of, as_live):
+    """Whatever their names and order in metadata.yaml are, also where they overlap."""
+    messages = drive()
+    whole = check(write(tmp_path / 'whole', messages, storage), Options(as_live=as_live))
+    split = tmp_path / 'split'
+    split.mkdir()
+    for number in range(3):
+        part = [one for k, one in enumerate(messages) if file_of(k) == number]
+        if part:
+            file = storage_file(write(tmp_path / str(number), part, storage))
+            shutil.copy(file, split / f'split_{number}{file.suffix}')
+    found = check(split, Options(as_live=as_live))
+    assert (found.contacts, found.unknown, found.content) == (
+        whole.contacts, whole.unknown, whole.content)
+    assert [vars(one) for one in found.footprints] == [vars(one) for one in whole.footprints]
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_rows_of_files_are_in_the_order_of_time(tmp_path, seed):
+    """And a file is not read before it is its turn."""
+    rng = np.random.default_rng(seed)
+    files, begun = [], []
+
+    class File(storages.Storage):
+
+        def __init__(self, messages):
+            super().__init__(storages.Faults(tmp_path))
+            self.messages = messages
+            self._extend(*(time for _, time, _ in messages))
+
+        def rows(self, topics, start=None, stop=None):
+            begun.append(self)
+            return storages.in_rows(self.messages)
+
+    for number in range(rng.integers(1, 8)):
+        times = np.sort(rng.integers(0, 40, rng.integers(0, 30))) + rng.integers(0, 100)
+        files.append(File([(str(rng.integers(2)), int(time), b'%d %d' % (number, k))
+                           for k, time in enumerate(times)]))
+    seen = []
+    for topic, times, row in storages.in_time_order(files, ()):
+        assert all(one.start is None or one.start <= times[0] for one in begun)
+        seen += zip([topic] * len(row), times, row)
+    files.sort(key=lambda one: one.start or 0)
+    assert seen == sorted((one for file in files for one in file.messages),
+                          key=lambda one: one[1])
 
 
 @pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))

@@ -46,7 +46,8 @@ from sat_collision.node.subscriptions import (
     CommandSubscriptions, PathSubscriptions, subscribe_transforms, Subscriptions, transform_type)
 from sat_collision.node.watchdog import ClockWatch, Every, Systemd, Watchdog
 from sat_collision.scene.parameters import is_name_of, ParameterError, parameters_by_node
-from sat_collision.scene.settings import NEVER, POLYGON, Settings, TF
+from sat_collision.scene.settings import (
+    FootprintSettings, NEVER, ObstacleSettings, POLYGON, Settings, TF)
 import yaml
 
 NAME = 'footprint_monitor'
@@ -331,8 +332,10 @@ class FootprintMonitor(Node):
             if fault:
                 self.get_logger().warning(f'{name}: no contact is predicted: {fault}')
         settings = self._scene.settings
-        if ([(one.topic, one.type) for one in (*settings.footprints, *settings.obstacles)]
-                == _TRIED and not any(self.count_publishers(topic) for topic, _ in _TRIED)):
+        inputs: list[FootprintSettings | ObstacleSettings] = [
+            *settings.footprints, *settings.obstacles]
+        if ([(one.topic, one.type) for one in inputs] == _TRIED and not any(
+                self.count_publishers(topic) for topic, _ in _TRIED)):
             self.get_logger().info('nothing is published yet; to try the node, publish a robot '
                                    f'and a post: {sys.executable} -m sat_collision.demo.publish')
 

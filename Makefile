@@ -2,8 +2,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-all knowing paths docs surface release-check sbom audit bench report accuracy \
-    adversary faults soak fuzz clean
+.PHONY: demo test test-all test-lowest test-newest coverage knowing paths docs surface \
+    release-check sbom audit bench report accuracy adversary faults soak fuzz clean
 
 demo: $(VENV)/demo.stamp
 	$(BIN)/python -m sat_collision.demo
@@ -16,6 +16,29 @@ test test-all: $(VENV)/test.stamp
 	$(BIN)/python -m mypy
 	$(BIN)/python -m sat_collision.replay.kernels
 	$(BIN)/python -m pytest --dist loadfile $(TESTS)
+
+# Lines and branches that tests run, without the longest tests: kernels as plain Python, the node
+# as it is.
+COVER := $(BIN)/coverage run -m pytest -m 'not long'
+coverage: $(VENV)/test.stamp
+	$(BIN)/coverage erase
+	NUMBA_DISABLE_JIT=1 $(COVER) test/geometry test/scene test/messages test/replay test/test_*.py
+	$(COVER) test/node test/geometry/test_jit.py test/geometry/test_kernel_cache.py
+	$(BIN)/coverage combine --quiet
+	$(BIN)/coverage report --show-missing
+
+# The library with the lowest and with the newest versions, in environments of their own; these
+# need the network, and the Python that they name.
+LIBRARY := hypothesis pytest pytest-timeout 'shapely>=2' .
+test-lowest:
+	python3.10 -m venv $(VENV)/lowest
+	$(VENV)/lowest/bin/pip install --quiet 'numpy==1.26.*' 'numba==0.59.*' $(LIBRARY)
+	$(VENV)/lowest/bin/python -m pytest -m 'not long' test/test_library.py test/geometry
+
+test-newest:
+	python3.13 -m venv $(VENV)/newest
+	$(VENV)/newest/bin/pip install --quiet --upgrade numpy numba $(LIBRARY)
+	$(VENV)/newest/bin/python -m pytest -m 'not long' test/test_library.py test/geometry
 
 # What README, config and docs take from the code and from the benchmarks, and the plan's picture.
 docs: $(VENV)/demo.stamp

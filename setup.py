@@ -26,6 +26,7 @@ extras = {
     'bench': ['box2d', 'matplotlib', 'pymunk', 'pyyaml', 'rosbags', 'shapely>=2'],
     'audit': ['cyclonedx-bom', 'pip-audit'],
     'test': [
+        'coverage>=7.10',
         'dask[distributed]',
         'flake8',
         'flake8-builtins',

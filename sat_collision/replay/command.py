@@ -18,9 +18,10 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import as_completed, ProcessPoolExecutor
 from dataclasses import fields, replace
+from functools import partial
 import multiprocessing
 import os
 from pathlib import Path
@@ -33,7 +34,7 @@ from sat_collision.replay.arguments import parse
 from sat_collision.replay.bag.storage import check_bag_writer
 from sat_collision.replay.model.configuration import (
     parameter_of_text, parameters_of_file, settings_of)
-from sat_collision.replay.model.result import Options, overall, Result, Verdict
+from sat_collision.replay.model.result import Options, overall, Result, SEVERITY, Verdict
 from sat_collision.replay.output.formats import (
     BaselineError, differences_from, read_baseline, write_csv, write_json, write_junit,
     write_junit_of_differences)
@@ -85,20 +86,25 @@ def _run(arguments: argparse.Namespace) -> int:
     expect = arguments.expect
     baseline = read_baseline(expect) if expect else None
     results = _check_all(arguments, options)
-    if arguments.json:
-        write_json(results, arguments.json)
-    if arguments.csv:
-        write_csv(results, arguments.csv)
-    if baseline is None:
-        if arguments.junit:
-            write_junit(results, arguments.junit)
-        return int(overall(results))
-    differences = differences_from(baseline, results)
-    if arguments.junit:
-        write_junit_of_differences(differences, expect, arguments.junit)
-    lines = [f'{name}: {line}' for name, found in differences for line in found]
-    _say(lines or [f'as expected by {expect}'])
-    return int(Verdict.COLLISION if lines else Verdict.CLEAR)
+    verdict = overall(results)
+    junit: Callable[[str], None] = partial(write_junit, results)
+    if baseline is not None:
+        differences = differences_from(baseline, results)
+        junit = partial(write_junit_of_differences, differences, expect)
+        lines = [f'{name}: {line}' for name, found in differences for line in found]
+        _say(lines or [f'as expected by {expect}'])
+        verdict = Verdict.COLLISION if lines else Verdict.CLEAR
+    outputs: list[tuple[str, Callable[[str], None]]] = [
+        ('json', partial(write_json, results)), ('csv', partial(write_csv, results)),
+        ('junit', junit)]
+    for option, write in outputs:
+        if path := getattr(arguments, option):
+            try:
+                write(path)
+            except OSError as error:
+                print(f'replay_check: --{option}: {in_one_line(error)}', file=sys.stderr)
+                verdict = max(verdict, Verdict.BAD_INPUT, key=SEVERITY.index)
+    return int(verdict)
 
 
 def _options(arguments: argparse.Namespace) -> Options:
@@ -183,7 +189,6 @@ def _check_all(arguments: argparse.Namespace, options: Options) -> list[Result]:
         if plot and not one_page:
             path = plot
             if several:
-                Path(plot).mkdir(parents=True, exist_ok=True)
                 path = str(Path(plot, f'{Path(result.bag).stem}.png'))
             _draw([result], path, arguments.debug)
         _say(report(result), result.verdict)
@@ -316,6 +321,7 @@ def _say(lines: Iterable[str], verdict: Verdict | None = None) -> None:
 def _draw(results: list[Result], path: str, debug: bool) -> None:
     """Draw a page of all, or a picture of one; a failure is a problem of its recording only."""
     try:
+        Path(path).parent.mkdir(parents=True, exist_ok=True)
         if _is_page(path):
             from sat_collision.replay.output.page import write_page
             write_page(results, path)

@@ -18,6 +18,7 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
+from sat_collision.extras import in_one_line
 from sat_collision.geometry.polygon import Reason
 from sat_collision.messages.cdr import decode, header_stamp, MessageError, stamped
 from sat_collision.messages.ingest import Placement
@@ -186,7 +187,13 @@ class _Run:
             for source in self._settings.obstacles if source.enabled
             and self._monitor.received[source.name]
             and (advice := self._scene.known_by(source.name)[1])]
-        if self._tape and self._tape.is_full:
+        if self._tape:
+            self._tape.finish()
+        if self._tape and self._tape.fault:
+            result.problems.append(
+                f'{recording.path}: --plot: what is to be drawn cannot be kept in the folder of '
+                f'temporary files: {in_one_line(self._tape.fault)}; set TMPDIR to one with space')
+        elif self._tape and self._tape.is_full:
             result.notes.append('there was more to draw than --max-disk allows to keep')
         elif self._tape and result.end is not None and (moments := moments_of(result)):
             result.keyframes = self._tape.keyframes_at(moments, result.end)
@@ -303,6 +310,9 @@ class _Run:
         self._result.end = end
         if self._outputs:
             self._outputs.close()
+            if self._outputs.fault:
+                self._result.problems.append(f'{self._recording.path}: --write-bag: it is not '
+                                             f'whole: {in_one_line(self._outputs.fault)}')
 
     def _receive(self, name: str, messages: list[bytes], now: int, number: int | None) -> None:
         if rejections := self._monitor.receive_batch(name, messages, now, number):

@@ -21,7 +21,7 @@ import sys
 from xml.etree import ElementTree
 
 import pytest
-from recordings import box, drive, main, run_without, SOURCE, STAMPS, START, write
+from recordings import box, DECLARED, drive, main, run_without, SOURCE, STAMPS, START, write
 from rosbags.rosbag2 import Reader
 from sat_collision.demo import warehouse
 from sat_collision.replay.losses import UNSEEN
@@ -188,6 +188,38 @@ def test_plots(bags, tmp_path):
     main([*bags.values(), '--plot', str(tmp_path / 'plots')])
     assert {path.name for path in (tmp_path / 'plots').iterdir()} == {
         'clear.png', 'collision.png', 'unknown.png', 'bad.png'}
+
+
+@pytest.mark.parametrize('name, status', (('clear', 3), ('collision', 1)))
+def test_output_without_space_does_not_take_others_with_it(bags, tmp_path, capsys, name, status):
+    """Each says why it is not there, and verdict, report and the other outputs are."""
+    full = {end: tmp_path / f'full{end}' for end in ('.json', '.csv', '.xml', '.html')}
+    for path in full.values():
+        path.symlink_to('/dev/full')
+    options = {'--json': '.json', '--csv': '.csv', '--junit': '.xml', '--plot': '.html'}
+    for option, end in options.items():
+        given = {one: str(full[end] if one == option else tmp_path / f'whole{end}')
+                 for one, end in options.items()}
+        assert main([bags[name], *(text for pair in given.items() for text in pair)]) == status
+        out, err = capsys.readouterr()
+        assert f'{bags[name]}: ' in out and 'known' in out
+        assert 'No space left' in (out if option == '--plot' else err)
+        for one, path in given.items():
+            assert one == option or Path(path).stat().st_size > 300
+            if one != option:
+                Path(path).unlink()
+
+
+def test_bag_without_space_does_not_take_the_verdict_with_it(bags, tmp_path):
+    """It is not whole, as a problem of the recording says."""
+    out = subprocess.run([
+        sys.executable, '-c', 'import resource, sys\n'
+        'resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000))\n'
+        'from sat_collision.replay.__main__ import main\nsys.exit(main(sys.argv[1:]))',
+        bags['collision'], DECLARED, '--as-live', '--write-bag', str(tmp_path / 'written')],
+        capture_output=True, text=True)
+    assert out.returncode == 1, out.stderr
+    assert '--write-bag: it is not whole' in out.stdout and 'obstacle/0' in out.stdout
 
 
 def test_example(tmp_path, capsys):

@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, TypeAlias
@@ -51,6 +51,7 @@ class BagOutputs:
     def __init__(self, path: str, node: str, settings: Settings, monitor: Monitor) -> None:
         self._node = node
         self._time = 0
+        self.fault: Exception | None = None  # then nothing more is written
         self._writer = _new_bag(Path(path))
         self._outputs = Outputs(self, settings, monitor.scene)
         self._paths = monitor.paths
@@ -74,7 +75,14 @@ class BagOutputs:
         self._outputs.publish_markers()
 
     def close(self) -> None:
-        self._writer.close()
+        self._guard(self._writer.close)
+
+    def _guard(self, action: Callable[..., None], *arguments: Any) -> None:
+        """Call a method of the writer, and keep the first fault of the disk."""
+        try:
+            action(*arguments)
+        except (OSError, RuntimeError) as error:  # the latter is whatever rosbag2 raises
+            self.fault = self.fault or error
 
     # The methods of a node and of its clock that Outputs calls.
 
@@ -94,8 +102,9 @@ class BagOutputs:
         name = topic.replace('~', self._node, 1)
         self._writer.add_topic(name, type_name(kind))
         return SimpleNamespace(get_subscription_count=lambda: 1, publish=lambda message: (
-            self._writer.write(name, self._time, message if isinstance(message, bytes)
-                               else serialize(message))))
+            self.fault or self._guard(
+                self._writer.write, name, self._time,
+                message if isinstance(message, bytes) else serialize(message))))
 
 
 def write_example(path: str | Path) -> None:

@@ -9,6 +9,8 @@
 
 """The keyframes of a replay: the positions of all bodies by which contacts were decided."""
 
+import resource
+
 from builders import serialised
 import pytest
 from recordings import (
@@ -17,7 +19,7 @@ from sat_collision.geometry.polygon import Polygon
 from sat_collision.geometry.query import separation
 from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.bag.storage import Limits
-from sat_collision.replay.model.result import moments_of, Options
+from sat_collision.replay.model.result import moments_of, Options, Verdict
 from sat_collision.replay.output.page import write_page
 
 RECORDINGS = ('autoware_ego_trajectory_boxes', 'commonroad_BEL_Zaventem-1_2_T-1',
@@ -151,6 +153,23 @@ def test_keyframes_respect_the_disk_limit(tmp_path, as_live):
     plain = check(path, Options(as_live=as_live))
     result = with_keyframes(path, as_live=as_live, limits=Limits(disk=1000))
     assert result.keyframes is None and '--max-disk' in result.notes.pop()
+    assert plain == result
+
+
+@pytest.mark.parametrize('as_live', (False, True), ids=('motion', 'live'))
+@pytest.mark.parametrize('room', (0, 5000, 12_000))
+def test_full_disk_loses_the_drawing_only(tmp_path, as_live, room):
+    """Where temporary files are, all that was found is reported, and why nothing is drawn."""
+    path = write(tmp_path / 'bag', drive(contact=(8.0, 9.0)))
+    plain = check(path, Options(as_live=as_live))
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, hard))
+    try:
+        result = check(path, Options(as_live=as_live, keyframes=True))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert result.verdict is Verdict.COLLISION
+    assert '--plot' in result.problems.pop() and result.keyframes is None
     assert plain == result
 
 

@@ -205,7 +205,8 @@ class Ingest:
                         return Wait(frame_id, stamp)
                     if isinstance(settings, ObstacleSettings) and not settings.timeout:
                         self.untransformed[name] = frame_id
-                    return self.no_place(settings, found, now, stamp, instance, number)
+                    scene.refuse(name, found.lasting, now, stamp, instance, number)
+                    return self.reject(settings, found.reason, found.detail)
                 affine, at = found
                 origin, frame_id = (frame_id, at), self._fixed
             if isinstance(settings, FootprintSettings):
@@ -381,11 +382,9 @@ class Ingest:
         return self.reject(settings, refusal, detail_of(
             refusal, self._fixed, self._fixed, (now - stamp) / 1e9, settings.timeout))
 
-    def no_place(self, settings: FootprintSettings | ObstacleSettings, found: NoTransform,
-                 now: int, stamp: int | None = None, instance: int | None = None,
-                 number: int | None = None) -> Rejection:
-        """Refuse a message, or an outline, whose frame has no transform."""
-        self._scene.refuse(settings.name, found.lasting, now, stamp, instance, number)
+    def no_place(self, settings: FootprintSettings, found: NoTransform, now: int) -> Rejection:
+        """Refuse an outline whose frame has no transform."""
+        self._scene.refuse(settings.name, found.lasting, now)
         return self.reject(settings, found.reason, found.detail)
 
     def refuse(self, settings: FootprintSettings | ObstacleSettings, reason: str, detail: str,

@@ -38,7 +38,7 @@ from sat_collision.messages.rejections import Rejection
 from sat_collision.messages.transform_listener import TRANSFORM_TOPICS
 from sat_collision.monitor import Monitor
 from sat_collision.node.health import Health
-from sat_collision.node.loop import Backlog, Loop, Reserved
+from sat_collision.node.loop import Backlog, Loop, LoopOwnedGroup
 from sat_collision.node.parameters import Parameters
 from sat_collision.node.publishers import faults_of
 from sat_collision.node.signals import Signalled
@@ -83,8 +83,9 @@ class FootprintMonitor(Node):
     """
     Publishes whether footprints collide with obstacles.
 
-    Everything happens in one thread, see `loop`: messages are checked in batches, changes are
-    published once per batch, and a tick by the steady clock does whatever is due by time alone.
+    Everything happens in one thread, that of the loop whose `Receiver` it is: messages are checked
+    in batches, changes are published once per batch, and a tick by the steady clock does whatever
+    is due by time alone.
     Options are those of `rclpy.node.Node`. Invalid initial parameters raise a ParameterError.
     """
 
@@ -109,7 +110,7 @@ class FootprintMonitor(Node):
         self._health = Health(self, {'kernel': KERNEL, 'middleware': middleware,
                                      'problem of kernels': kernel_problem() or 'none'})
         self._logged: dict[tuple[str, str], float] = {}
-        taken_by = Reserved()
+        taken_by = LoopOwnedGroup()
         self._inputs = Subscriptions(self, settings, taken_by, self._health, self.note_matched)
         self._transform_inputs = (subscribe_transforms(self, transforms, taken_by)
                                   if transforms else [])
@@ -184,7 +185,6 @@ class FootprintMonitor(Node):
 
     def receive(self, name: str, messages: Sequence[bytes], now: int,
                 number: int | None) -> None:
-        """Receive messages as `Monitor` does."""
         if name in TRANSFORM_TOPICS:
             for k, data in enumerate(messages):
                 self._log(self._monitor.receive_transforms(name, data, now, number and number + k))
@@ -211,34 +211,27 @@ class FootprintMonitor(Node):
         self._inputs.publishers.note_matched(name, event)
         if not event.total_count_change:
             return False
-        endpoints = self._inputs.publishers.at_beginning(name)
-        if endpoints is not None:
-            self._monitor.update_publishers(name, endpoints)
+        self.begin_stream(name)
         self._monitor.interrupt(name)
         return True
 
     def receive_mixed(self, name: str, messages: Sequence[bytes], now: int) -> None:
-        """Receive messages of any publisher, as `Monitor` does."""
         self._log(self._monitor.receive_mixed(name, messages, now))
 
     def end_batch(self, messages: int, seconds: float) -> None:
-        """Publish what a batch of messages changed, which took `seconds` to process."""
         self._publish_changes()
         self._outputs.markers_current = False
         self._health.count_batch(messages, seconds)
 
     def note_backlog(self, name: str, backlog: Backlog | None) -> None:
-        """Record how far behind a topic is, None if it is no longer behind."""
         self._health.note_backlog(name, backlog)
 
     def due(self, now: int, steady: float) -> float:
-        """Return when the next tick is due, by the steady clock in s."""
         until = (self._monitor.deadline - now) / 1e9
         return min(max(steady + until, self._ticked + _SHORTEST_TICK),
                    self._ticked + self._tick_period)
 
     def tick(self, now: int) -> None:
-        """Do what is due by time alone."""
         self._ticked = steady = time.monotonic()
         self._systemd.turned()
         goes_on = self._watchdog.turned()

@@ -31,7 +31,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.subscription import Subscription
-from sat_collision.node.waiting import Waiting
+from sat_collision.node.wait_set import WaitSet
 
 # Max time in s for taking messages before anything else gets its turn, shared evenly among the
 # topics. Processing of a message is never interrupted.
@@ -142,7 +142,7 @@ class Input:
         return None
 
 
-class Reserved(CallbackGroup):
+class LoopOwnedGroup(CallbackGroup):
     """Keeps executors from taking the messages that the loop takes."""
 
     def can_execute(self, entity: Any) -> bool:
@@ -173,7 +173,7 @@ class Loop:
     checked once per tick, and after a wait that ends without a message, because each entity in
     the wait set costs time at every wake-up. Service calls are handled by an executor of rclpy.
 
-    Inputs are taken in the order given; their callback group must be a `Reserved` one.
+    Inputs are taken in the order given; their callback group must be a `LoopOwnedGroup` one.
     `max_batch_delay` returns the max rest in s.
     """
 
@@ -217,19 +217,19 @@ class Loop:
                             default=0)
                 self._topics = topics[:until], topics[until:]
                 self._at_once = every.difference(pointers[until:])
-                waiting = Waiting(self._node, {*pointers}, ending_rest, held)
+                wait_set = WaitSet(self._node, {*pointers}, ending_rest, held)
                 # The entities waited for change rarely, for example with use_sim_time.
-                while not ended() and not (self._looks_at_others and waiting.is_outdated()):
-                    self._turn(waiting)
+                while not ended() and not (self._looks_at_others and wait_set.is_outdated()):
+                    self._turn(wait_set)
 
     def close(self) -> None:
         """Shut down the executor; `run` must have returned."""
         self._executor.remove_node(self._node)
         self._executor.shutdown()
 
-    def _turn(self, waiting: Waiting) -> None:
+    def _turn(self, wait_set: WaitSet) -> None:
         """Rest or wait, take messages, have changes published, and do what else is due."""
-        ready, was_long = self._wait(waiting)
+        ready, was_long = self._wait(wait_set)
         begun = time.monotonic()
         late = begun - self._next_tick
         present = self._receiver.present(begun)
@@ -252,9 +252,9 @@ class Loop:
         self._taken += taken
         if not are_alone:
             self._is_behind = any(topic.is_behind for topic in chain(*self._topics))
-        waiting.take_others(ready)
-        if waiting.is_service_called:
-            waiting.is_service_called = False
+        wait_set.take_others(ready)
+        if wait_set.is_service_called:
+            wait_set.is_service_called = False
             self._executor.spin_once(0.0)
         if late >= 0.0:
             self._receiver.tick(present)
@@ -278,7 +278,7 @@ class Loop:
             self._taken += taken
             self._receiver.end_batch(taken, time.monotonic() - begun)
 
-    def _wait(self, waiting: Waiting) -> tuple[set[int] | None, bool]:
+    def _wait(self, wait_set: WaitSet) -> tuple[set[int] | None, bool]:
         """Return pointers of subscriptions to check, None for all, and if the wait was long."""
         begun = time.monotonic()
         until_tick = max(self._next_tick - begun, 0.0)
@@ -286,7 +286,7 @@ class Loop:
         if rest > 0.0:
             if not self._rest_may_end:
                 time.sleep(rest)
-            elif waiting.rest(rest):
+            elif wait_set.rest(rest):
                 return self._at_once, False
             elif time.monotonic() - begun < rest:
                 self._looks_at_others = True  # an event has ended it
@@ -297,7 +297,7 @@ class Loop:
         self._rests_until = 0.0
         if look_at_all and not self._looks_at_others:
             return None, False
-        ready = waiting.wait(0.0 if look_at_all else until_tick, self._looks_at_others)
+        ready = wait_set.wait(0.0 if look_at_all else until_tick, self._looks_at_others)
         waited = time.monotonic() - begun
         # An event ends every wait until it is handled.
         self._looks_at_others = not (ready or look_at_all or waited >= until_tick)

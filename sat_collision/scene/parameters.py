@@ -86,9 +86,10 @@ def check_names_given(given: Iterable[str], known: Collection[str]) -> None:
     for name in given:
         if name not in known and name.partition('.')[0] not in _OF_EVERY_NODE:
             hint = ''
-            if remedy := _REMOVED.get(name.rpartition('.')[2]):
+            owner, _, field = name.rpartition('.')
+            if remedy := _REMOVED.get(field):
                 hint = f' any more: {remedy}'
-            elif owner := _not_named(name, known):
+            elif owner and not _nearest(owner, {one.rpartition('.')[0] for one in known}):
                 hint = f": name '{owner}' in footprints or obstacles, where it is not"
             elif nearest := _nearest(name, known):
                 hint = f': did you mean {nearest}?'
@@ -268,12 +269,6 @@ def _numbers(name: str, given: Any) -> str | tuple[float, ...]:
             raise ParameterError(f'{name} has a number beyond the largest double') from error
     raise ParameterError(f"parameter '{name}' is {given!r}, but must be a string or an array of "
                          'numbers')
-
-
-def _not_named(name: str, known: Iterable[str]) -> str:
-    """Return the footprint or source that a parameter belongs to, if no known name is similar."""
-    owner = name.rpartition('.')[0]
-    return '' if _nearest(owner, {one.rpartition('.')[0] for one in known}) else owner
 
 
 def _nearest(wrong: str, names: Iterable[str]) -> str:

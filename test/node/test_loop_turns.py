@@ -79,7 +79,8 @@ def looped(peer):
     node = rclpy.create_node('receiver', context=peer.context)
     inputs = [loop.Input(name, node.create_subscription(
         PolygonStamped, name, id, QoSProfile(depth=2000), raw=True,
-        callback_group=loop.Reserved()), ends_rest=name == 'other') for name in ('other', 'flood')]
+        callback_group=loop.LoopOwnedGroup()), ends_rest=name == 'other')
+        for name in ('other', 'flood')]
 
     @contextmanager
     def looped(receiver, delay=0.0):
@@ -277,9 +278,9 @@ def test_loop_rests_only_if_messages_are_frequent(looped, domain, monkeypatch, t
     clock = SimpleNamespace(**vars(time))
     clock.sleep = lambda seconds: rests.append(('asleep', seconds)) or time.sleep(seconds)
     monkeypatch.setattr(loop, 'time', clock)
-    rest = loop.Waiting.rest
-    monkeypatch.setattr(loop.Waiting, 'rest', lambda waiting, seconds: (
-        rests.append(('to be ended', seconds)) or rest(waiting, seconds)))
+    rest = loop.WaitSet.rest
+    monkeypatch.setattr(loop.WaitSet, 'rest', lambda wait_set, seconds: (
+        rests.append(('to be ended', seconds)) or rest(wait_set, seconds)))
     receiver = Recorder()
     with looped(receiver, delay=0.02) as one, streaming(domain, topic, rate):
         one.run(lambda: receiver.names.count(topic) > 0)
@@ -299,20 +300,20 @@ def seldom_after(receiver, ticks):
 def test_footprint_ends_a_rest(looped, domain, monkeypatch):
     """It is received at once; obstacles are received together later."""
     peer, looped = looped
-    rest = loop.Waiting.rest
+    rest = loop.WaitSet.rest
     rests = []
 
-    def rest_meanwhile(waiting, seconds):
+    def rest_meanwhile(wait_set, seconds):
         begun = time.monotonic()
         sender = threading.Timer(0.1, arrive, (peer,), {'flood': 20, 'other': 1})
         if is_first := seconds > 15.0 and not rests:
             sender.start()
-        is_ended = rest(waiting, seconds)
+        is_ended = rest(wait_set, seconds)
         if is_first:
             rests.append(time.monotonic() - begun)
             sender.join()
         return is_ended
-    monkeypatch.setattr(loop.Waiting, 'rest', rest_meanwhile)
+    monkeypatch.setattr(loop.WaitSet, 'rest', rest_meanwhile)
     receiver = Recorder()
     receiver.due = seldom_after(receiver, 5)
     for topic in ('flood', 'other'):

@@ -19,7 +19,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
 
-class Waiting:
+class WaitSet:
     """
     A wait set of the subscriptions, services and events that a node has now.
 

@@ -16,10 +16,12 @@ from builders import box, path, SECOND
 from monitors import World
 import numpy as np
 import pytest
+from sat_collision.messages.cdr import decode_path, MessageError
 from sat_collision.messages.markers import Markers
 from sat_collision.messages.states import States
 from sat_collision.messages.transform_listener import TF
 from sat_collision.scene.parameters import check_outlines, ParameterError
+from sat_collision.scene.path import FollowedPath
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 
 OUTLINE = (-0.5, -0.25, 0.5, -0.25, 0.5, 0.25, -0.5, 0.25)
@@ -258,6 +260,46 @@ def test_refused_paths(poses, more, reason):
     assert world.status() == 'clear'
     assert world.plan(STRAIGHT).metres < 5.0
     assert world.reasons == [reason]
+
+
+@pytest.mark.parametrize('places, robot, progress', [
+    ([(-4, 0), (0, 0), (16, 0), (20, 0)], [(-0.4, 0), (12, 0)], 1.75),
+    # It comes back, nearer than on its way out.
+    ([(0, 0), (16, 0), (17, 0), (17, 0.2), (16, 0.2), (4, 0.2)], [(4, 0.15)], 0.25),
+    # The robot has gone back, so the end of the path is nearer than what is ahead of it.
+    ([(0, 0), (10, 0), (10, 3), (3, 3), (2.5, 3)], [(9, 0), (0, 0)], 4.0)])
+def test_progress_is_where_the_path_is_nearest(places, robot, progress):
+    """Whatever lies between parts of it that are near."""
+    path = FollowedPath(np.array([(x, y, 0.0, 0.0, 0.0, 0.0, 2.0) for x, y in places]))
+    path.poses[:, 2] = 0.0
+    for x, y in robot:
+        path.advance((x, y, 0.0), 0.5)
+    assert path.progress == pytest.approx(progress)
+
+
+def test_damaged_count_of_a_pose_is_refused():
+    data = bytearray(path([(k, 0.0, 0.0) for k in range(8)], frame_id='odom', pose_frame='odom'))
+    place = bytes(data).rindex(b'odom')
+    data[place - 4] = 4
+    with pytest.raises(MessageError):
+        decode_path(bytes(data), 8)
+
+
+@pytest.mark.parametrize('length', [3, 4, 5, 8])
+@pytest.mark.parametrize('order', ['<', '>'])
+def test_each_pose_may_have_the_frame_of_the_path_or_none(order, length):
+    """However long it is, and in whatever order."""
+    frame = 'odometry'[:length]
+    numbers = [(k, 0.5 * k, 0.0, 0.1, 0.2, 0.3, 0.4) for k in range(8)]
+    for frames in ('', frame, [frame, *[''] * 7], ['', '', *[frame] * 6], [frame, ''] * 4):
+        data = path(numbers, 5, frame, order, frames)
+        stamp, frame_id, poses = decode_path(data, 8)
+        assert (stamp, frame_id, poses.tolist()) == (5, frame, [[*one] for one in numbers])
+    for place in range(8):
+        frames = [frame] * 8
+        frames[place] = frame[:-1] + 'x'
+        with pytest.raises(MessageError, match='another frame'):
+            decode_path(path(numbers, 5, frame, order, frames), 8)
 
 
 def test_damaged_paths_are_refused():

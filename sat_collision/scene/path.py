@@ -83,7 +83,13 @@ class FollowedPath:
         first = min(int(self.progress), len(self.poses) - 2)
         if first < 0:
             return
-        starts, steps = self.poses[first:-1], np.diff(self.poses[first:], axis=0)
+        # Of each segment the gap is at least that of its start less its length, and at most that
+        # of its end with half a turn.
+        away = np.hypot(*(self.poses[first:, :2] - pose[:2]).T)
+        lengths = np.hypot(*np.diff(self.poses[first:, :2], axis=0).T)
+        near = np.flatnonzero(away[:-1] - lengths <= away[1:].min() + (math.pi + 1.0) * reach)
+        starts = self.poses[first + near]
+        steps = self.poses[first + near + 1] - starts
         steps[:, 2] = _wrapped(steps[:, 2])
         off = pose - starts
         off[:, 2] = _wrapped(off[:, 2])
@@ -92,13 +98,14 @@ class FollowedPath:
                           where=sizes > 0.0, out=np.zeros(len(steps)))
         np.divide(off[:, 2], steps[:, 2], where=(sizes == 0.0) & (steps[:, 2] != 0.0), out=along)
         along = along.clip(0.0, 1.0)
-        along[0] = max(along[0], self.progress - first)
+        if near[0] == 0:
+            along[0] = max(along[0], self.progress - first)
         off -= along[:, None] * steps
         gaps = np.hypot(off[:, 0], off[:, 1]) + reach * abs(_wrapped(off[:, 2]))
         k = int(np.argmax(gaps <= gaps.min() + reach))
-        while k + 1 < len(gaps) and gaps[k + 1] <= gaps[k]:
+        while near[k] + 1 in near[k + 1:k + 2] and gaps[k + 1] <= gaps[k]:
             k += 1
-        self.progress = first + k + float(along[k])
+        self.progress = first + int(near[k]) + float(along[k])
 
     def ahead(self) -> NDArray[np.float64]:
         """Return the poses from the progress on."""

@@ -107,11 +107,17 @@ def command(vx, vy=0.0, omega=0.0, stamp=0, frame_id='', order='<'):
 
 
 def path(poses, stamp=0, frame_id='odom', order='<', pose_frame=''):
-    """Write a Path of x, y and yaw, or of x, y, z and a quaternion."""
-    text, pose_text = (name.encode() + b'\0' for name in (frame_id, pose_frame))
+    """
+    Write a Path of x, y and yaw, or of x, y, z and a quaternion.
+
+    The frames of the poses are all the same, or given one by one.
+    """
+    text = frame_id.encode() + b'\0'
     body = struct.pack(order + 'iII', *divmod(stamp, SECOND), len(text)) + text
     body += bytes(-len(body) % 4) + struct.pack(order + 'I', len(poses))
-    for numbers in poses:
+    frames = [pose_frame] * len(poses) if isinstance(pose_frame, str) else pose_frame
+    for frame, numbers in zip(frames, poses, strict=True):
+        pose_text = frame.encode() + b'\0'
         if len(numbers) < 7:
             x, y, yaw = numbers
             numbers = x, y, 0.0, 0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)

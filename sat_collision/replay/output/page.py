@@ -22,11 +22,11 @@ from typing import Any
 import numpy as np
 from sat_collision.replay.model.keyframes import Floats, Keyframes, ShownBody
 from sat_collision.replay.model.result import (
-    Contact, deepest_contacts, least_of_all, MAX_CONTACTS, overall, PlanContact, Result, Sample,
-    SEVERITY)
+    Contact, deepest_contacts, joined, least_of_all, MAX_CONTACTS, overall, PlanContact, Result,
+    Sample, SEVERITY)
 from sat_collision.replay.output.text import (
-    CLOCKS, colours, contact_row, CONTACTS, distance, footprint_row, FOOTPRINTS, lanes_of, name_of,
-    plan_contact_row, PLAN_CONTACTS, plan_rows, PLANS, SOONEST, soonest_rows, UNKNOWN, unknown_row,
+    CLOCKS, colours, contact_row, CONTACTS, distance, footprint_row, FOOTPRINTS, lanes_of, lasting,
+    name_of, plan_contact_row, PLAN_CONTACTS, plan_rows, PLANS, SOONEST, soonest_rows, UNKNOWN,
     unknown_times)
 
 _SCRIPTS = ('page.js', 'timeline.js', 'scene.js')
@@ -246,23 +246,38 @@ def _facts_of(result: Result, moments: list[int], left_out: int) -> list[str]:
     return [*facts, result.bag]
 
 
+def _unknown_rows(result: Result) -> list[tuple[int, int, str, list[str]]]:
+    """Return (first, last, reason, names of footprints) of unknown times, the longest first."""
+    times: dict[tuple[str, str], list[tuple[int, int]]] = {}
+    for one in result.unknown:
+        for reason in one.reasons:
+            times.setdefault((one.footprint, reason), []).append((one.first, one.last))
+    names: dict[tuple[int, int, str], list[str]] = {}
+    for (name, reason), found in times.items():
+        for first, last in joined(found, 0):
+            names.setdefault((first, last, reason), []).append(name)
+    return sorted(((*key, own) for key, own in names.items()), key=lambda row: row[0] - row[1])
+
+
 def _tables_of(result: Result, contacts: list[Contact]) -> list[dict[str, Any]]:
     """Return the tables of a result; in that of contacts each row is one of those given."""
     more = len(result.contacts) - len(contacts)
     deepest = f'the {MAX_CONTACTS} deepest; {more} more are in what --csv and --json write'
-    longest = sorted(result.unknown, key=lambda one: one.first - one.last)[:_MAX_ROWS]
+    unknown = _unknown_rows(result)
+    sample = '' if result.options.as_live else (
+        'found at a sample: at the stamp of a message; else in the motion between two messages')
     plans = result.plan_contacts
     first = f'the first {_MAX_ROWS} of {len(plans)}' if len(plans) > _MAX_ROWS else ''
-    hidden = f'the {_MAX_ROWS} longest of {len(result.unknown)}'
+    hidden = f'the {_MAX_ROWS} longest of {len(unknown)}'
     tables: list[tuple[str, str, tuple[str, ...], Sequence[Sequence[str]]]] = [
-        ('Contacts', deepest if more else '', CONTACTS,
+        ('Contacts', '; '.join(filter(None, (deepest if more else '', sample))), CONTACTS,
          [contact_row(contact, result) for contact in contacts]),
         ('Plans in contact', first, PLAN_CONTACTS,
          [plan_contact_row(one, result) for one in plans[:_MAX_ROWS]]),
         ('Plans', '', PLANS, plan_rows(result)),
-        ('Unknown', hidden if len(longest) < len(result.unknown) else '', UNKNOWN,
-         [unknown_row(one, reason, result)
-          for one in sorted(longest, key=lambda one: one.first) for reason in one.reasons]),
+        ('Unknown', hidden if len(unknown) > _MAX_ROWS else '', UNKNOWN,
+         [(', '.join(names), f'{result.since(first):.3f}', lasting(last - first), reason)
+          for first, last, reason, names in sorted(unknown[:_MAX_ROWS])]),
         ('Footprints', '', (*FOOTPRINTS, 'topic'),
          [(*footprint_row(one, result), one.topic) for one in result.footprints]),
         ('Least time to collision', '', SOONEST, soonest_rows(result)),

@@ -1,7 +1,7 @@
 // Time from left to right: curves of separations and of times to collision, and rows of bars for
 // each footprint.
 const timeline = at('timeline');
-const ROW = 22, MARGIN = {left: 96, right: 14, top: 8, bottom: 40}, GAP = 14, AHEAD = 90;
+const ROW = 22, MARGIN = {left: 108, right: 14, top: 8, bottom: 40}, GAP = 14, AHEAD = 90, TITLE = 18;
 let shownTimes = [0, 1], cursor = null;
 
 const SVG = 'http://www.w3.org/2000/svg';
@@ -40,7 +40,7 @@ function drawTimeline() {
   const {lanes, footprints, contacts} = recording;
   const count = lanes.length ? lanes[lanes.length - 1].end : 1;
   const ahead = footprints.flatMap(one => one.ahead.map(([, value]) => value));
-  const below = ahead.length ? AHEAD + GAP : 0;
+  const below = ahead.length ? AHEAD + TITLE + GAP : 0;
   timeline.style.minHeight = `${MARGIN.top + 230 + below + GAP + ROW * count + MARGIN.bottom}px`;
   const {clientWidth: width, clientHeight: height} = timeline;
   const bottom = height - MARGIN.bottom, top = bottom - ROW * count;
@@ -55,7 +55,8 @@ function drawTimeline() {
   const ySeconds = value => top - GAP - AHEAD * value / longest;
   const drawn = svg('svg', {'aria-hidden': 'true'});
   const clip = svg('clipPath', {id: 'within'});
-  clip.append(svg('rect', {x: MARGIN.left, y: 0, width: width - MARGIN.left - MARGIN.right, height}));
+  clip.append(svg('rect', {x: MARGIN.left, y: 0,
+    width: Math.max(width - MARGIN.left - MARGIN.right, 0), height}));
   const inner = svg('g', {'clip-path': 'url(#within)'});
   drawn.append(clip);
   const across = ticks(...shownTimes, width / 110), up = ticks(low, high, 5);
@@ -70,7 +71,9 @@ function drawTimeline() {
   up.found.forEach(value => level(y(value), value.toFixed(up.decimals) + ' m'));
   if (below) {
     const {found, decimals} = ticks(0, longest, 2);
-    found.forEach(value => level(ySeconds(value), value.toFixed(decimals) + ' s ahead'));
+    found.forEach(value => level(ySeconds(value), value.toFixed(decimals) + ' s'));
+    drawn.append(svg('text', {class: 'name', x: MARGIN.left, y: top - GAP - AHEAD - 6},
+      'Time to collision'));
   }
   drawn.append(svg('text', {x: (MARGIN.left + width - MARGIN.right) / 2, y: height - 6,
     'text-anchor': 'middle'}, 'time since the recording begins [s]'));
@@ -89,9 +92,10 @@ function drawTimeline() {
   lanes.forEach((lane, k) => {
     const middle = top + ROW * (lane.first + lane.end) / 2;
     const short = lane.name.length > 10 ? `${lane.name.slice(0, 3)}…${lane.name.slice(-6)}` : lane.name;
-    const name = svg('text', {class: 'name own', x: MARGIN.left - 8, y: middle + 4,
+    const name = svg('text', {class: 'name', x: MARGIN.left - 17, y: middle + 4,
       'text-anchor': 'end'}, short);
-    name.style.fill = footprints[k].colour;
+    drawn.append(svg('rect', {class: 'own', x: MARGIN.left - 13, y: middle - 4, width: 8, height: 8,
+      fill: footprints[k].colour}));
     name.append(svg('title', {}, lane.name));
     drawn.append(name);
     if (k) drawn.append(svg('path', {class: 'grid', d: `M0,${top + ROW * lane.first}H${width}`}));
@@ -137,7 +141,7 @@ function drawBar(bar, bars, top) {
   const next = Math.min(timeline.clientWidth - MARGIN.right, ...bars.filter(other =>
     other.row === bar.row && other.first > bar.first).map(other => x(other.first)));
   if (needed <= last - first) {
-    return [box, svg('text', {class: 'inside', x: (first + last) / 2, y: middle + 4,
+    return [box, svg('text', {class: isContact ? 'inside' : 'inside gap', x: (first + last) / 2, y: middle + 4,
       'text-anchor': 'middle'}, bar.text)];
   }
   return needed <= next - last ?

@@ -16,6 +16,7 @@ import time
 import numpy as np
 import pytest
 from recordings import box, drive, main, write
+from sat_collision.replay.losses import UNSEEN
 from sat_collision.replay.model.keyframes import Keyframes
 from sat_collision.replay.model.result import (
     Contact, FootprintResult, PlanContact, Result, Unknown)
@@ -73,7 +74,8 @@ def of_warehouse(tmp_path_factory):
     path = tmp_path_factory.mktemp('page')
     write_example(path / 'warehouse')
     assert main([str(path / 'warehouse'), '--params-file',
-                 str(path / 'warehouse' / 'params.yaml'), '--plot', str(path / 'page.html')]) == 1
+                 str(path / 'warehouse' / 'params.yaml'), '--plot', str(path / 'page.html')],
+                None) == 1
     return path / 'page.html'
 
 
@@ -141,7 +143,7 @@ def test_page_opens_at_the_deepest_contact(page, of_warehouse):
     assert shown.text('#clock') == '9.698 s'
     assert 'amr in contact with people/0 (0.394 m deep)' in shown.texts('#states li')
     assert [len(shown.texts(f'#{table} tbody tr'))
-            for table in ('contacts', 'unknown', 'footprints', 'messages')] == [3, 9, 3, 5]
+            for table in ('contacts', 'unknown', 'footprints', 'messages')] == [3, 2, 3, 5]
     assert 'recorded motion' in shown.text('#facts') and '1869 messages' in shown.text('#facts')
 
 
@@ -283,7 +285,8 @@ def test_several_recordings_have_an_index_with_the_worst_first(page, tmp_path, c
         shown.click('#index tbody tr', number)
         shown.until(lambda: shown.text('#name') == name)
         assert shown.scrubber.is_displayed() is is_drawn
-        assert bool(shown.text('#remarks')) is (name in ('damaged', 'silent'))
+        remarks = [one for one in shown.texts('#remarks li') if UNSEEN not in one]
+        assert bool(remarks) is (name in ('damaged', 'silent'))
 
 
 def test_state_is_unknown_as_in_the_table(page, of_warehouse):
@@ -392,6 +395,92 @@ def test_page_fits_desktop_and_phone(page, of_crowd, width, height, scheme):
         assert len(set(colours)) == 13
     finally:
         device(chromium, 0, 0)
+
+
+# For each text that is shown: its contrast with what is behind it, and the text.
+CONTRASTS = """
+    const numbers = colour => colour.match(/[0-9.]+/g).map(Number);
+    const light = colour => {
+        const [r, g, b] = numbers(colour).map(
+            one => one <= 10 ? one / 3294 : ((one / 255 + 0.055) / 1.055) ** 2.4);
+        return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+    };
+    const behind = one => {
+        if (one.classList.contains('inside')) {
+            return getComputedStyle(one.previousElementSibling).fill;
+        }
+        const own = getComputedStyle(one).backgroundColor;
+        return (numbers(own)[3] ?? 1) > 0 ? own : behind(one.parentElement);
+    };
+    const found = [], texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+    while (texts.nextNode()) {
+        const one = texts.currentNode.parentElement, style = getComputedStyle(one);
+        if (!texts.currentNode.textContent.trim() || !one.getClientRects().length) continue;
+        const own = one.namespaceURI === SVG ? style.fill : style.color;
+        const lights = [own, behind(one)].map(light);
+        found.push([(Math.max(...lights) + 0.05) / (Math.min(...lights) + 0.05),
+            texts.currentNode.textContent]);
+    }
+    return found;"""
+
+
+@pytest.mark.parametrize('scheme', ('light', 'dark'))
+def test_texts_have_contrast(page, tmp_path, scheme):
+    """Of 4.5 at least: in all colours of footprints, in bars, and of all verdicts."""
+    result = Result('bag', origin=0, start=0, end=4 * 10**9)
+    names = [f'robot{k}' for k in range(8)]
+    result.footprints = [FootprintResult(name, '/a', True) for name in names]
+    result.unknown = [Unknown('robot0', 0, 3 * 10**9, ('lost',))]
+    result.contacts = [Contact('robot1', 'shelf/0', 10**9, 3 * 10**9, 0.1, 10**9, 0.0, 0.0)]
+    result.keyframes = Keyframes([0, 4 * 10**9])
+    write_page([result], tmp_path / 'page.html')
+    shown = page(tmp_path / 'page.html')
+    try:
+        device(shown.chromium, 1280, 900, scheme)
+        for verdict in ('collision', 'clear', 'unknown', 'bad-input'):
+            shown.chromium.execute_script(
+                "at('verdict').className = arguments[0]; go(arguments[1])", verdict, 2.0)
+            found = shown.chromium.execute_script(CONTRASTS)
+            assert {'unknown', 'shelf/0', *names} <= {text.strip() for _, text in found}
+            assert [one for one in found if one[0] < 4.5] == []
+    finally:
+        device(shown.chromium, 0, 0)
+
+
+def test_unknown_times_of_one_cause_are_one_row(page, tmp_path):
+    """Of several footprints, and of intervals that follow on each other."""
+    result = Result('bag', origin=0, start=0, end=9 * 10**9)
+    result.footprints = [FootprintResult(name, '/a', True) for name in ('one', 'two')]
+    result.unknown = [
+        Unknown(name, first * 10**9, last * 10**9, reasons)
+        for name in ('one', 'two') for first, last, reasons in (
+            (0, 1, ('no map', 'no people')), (1, 3, ('no map',)), (5, 6, ('no map',)))]
+    result.unknown.append(Unknown('two', 7 * 10**9, 8 * 10**9, ('no map',)))
+    write_page([result], tmp_path / 'page.html')
+    shown = page(tmp_path / 'page.html')
+    assert shown.texts('#unknown tbody tr') == [
+        'one, two 0.000 1.000 no people', 'one, two 0.000 3.000 no map',
+        'one, two 5.000 1.000 no map', 'two 7.000 1.000 no map']
+
+
+@pytest.mark.parametrize('width', (1280, 390, 100))
+def test_time_to_collision_has_a_title_and_a_unit(page, of_warehouse, tmp_path, width):
+    """Above its panel, which has an axis; no width is negative, even on the narrowest page."""
+    bag = of_warehouse.parent / 'warehouse'
+    main([str(bag), '--params-file', str(bag / 'params.yaml'), '--min-ttc', '0.5',
+          '--plot', str(tmp_path / 'page.html')], None)
+    shown = page(tmp_path / 'page.html')
+    try:
+        device(shown.chromium, width, 844)
+        shown.chromium.refresh()
+        heights = dict(shown.chromium.execute_script("""
+            return [...document.querySelectorAll('#timeline text')].map(
+                one => [one.textContent, Number(one.getAttribute('y'))]);"""))
+        assert 80 < heights['0 s'] - heights['Time to collision'] < 120
+        assert heights['Time to collision'] < heights['2 s'] < heights['0 s']
+        assert 'found at a sample: at the stamp of a message' in shown.text('#tables')
+    finally:
+        device(shown.chromium, 0, 0)
 
 
 def test_plan_in_contact_is_drawn_while_it_counts(page, tmp_path):

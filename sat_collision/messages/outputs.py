@@ -120,7 +120,6 @@ class Outputs:
     def begin_measuring(self) -> None:
         """Measure distances from now on."""
         self.measures = self._states.is_measured = True
-        self._states.note(self._flags)
 
     def configure(self, settings: Settings) -> None:
         """Apply settings, which may change the meaning of every flag."""
@@ -141,7 +140,6 @@ class Outputs:
                 self._raised.add(name)
             else:
                 self._raised.discard(name)
-        self._states.note(names)
         self.markers_current = False
 
     def publish_rise(self, names: Iterable[str]) -> None:

@@ -11,6 +11,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 import math
 
 import numpy as np
@@ -134,18 +135,15 @@ class Paths:
             return PathCheck(math.nan, f'the path on {latest.topic} cannot be checked: {error}')
 
 
+@dataclass
 class _Latest:
     """The latest path on a topic, if any."""
 
-    def __init__(self, topic: str, data: bytes = b'') -> None:
-        self.topic = topic
-        self.data = data
-        self.stamp = 0
-        # The frame that it is in: as sent, until it is moved to the fixed one.
-        self.frame_id = ''
-        # What it is, unless it is empty or was refused.
-        self.path: FollowedPath | None = None
-        self.is_empty = False
-        # Why there is none; and why no other can come.
-        self.problem = ''
-        self.fault = ''
+    topic: str
+    data: bytes = b''
+    stamp: int = 0
+    frame_id: str = ''  # that it is in: as sent, until it is moved to the fixed one
+    path: FollowedPath | None = None  # None, too, if it is empty or was refused
+    is_empty: bool = False
+    problem: str = ''  # why there is none
+    fault: str = ''  # why no other can come

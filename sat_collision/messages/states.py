@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -57,51 +57,31 @@ def coordinate_step(polygon: Polygon | None) -> float:
 
 
 class States:
-    """
-    One status a footprint, rewritten only where a state has changed.
-
-    With `moving`, as in ~/state, values that change all the time are included.
-    """
+    """One status a footprint; with `moving`, as in ~/state, with what changes all the time too."""
 
     def __init__(self, node_name: str, settings: Settings, moving: bool = True) -> None:
         self.settings = settings
         # False while no distances can be measured yet, which is then part of the states.
         self.is_measured = True
-        self._statuses = {
-            footprint.name: DiagnosticStatus(name=f'{node_name}: {footprint.name}',
-                                             hardware_id=footprint.topic)
-            for footprint in settings.footprints}
-        keys = (*_MOVING, *(f'source {one.name}' for one in settings.obstacles)) if moving else ()
-        self._moving = {name: [KeyValue(key=key) for key in keys] for name in self._statuses}
-        self._unwritten = set(self._statuses)
-        self._coarse: dict[str, bool | None] = dict.fromkeys(self._statuses)
+        sources = [f'source {one.name}' for one in settings.obstacles]
+        keys = ('state', 'obstacles in contact', *((*_MOVING, *sources) if moving else ()),
+                'reason')
+        self._statuses = {one.name: DiagnosticStatus(
+            name=f'{node_name}: {one.name}', hardware_id=one.topic,
+            values=[KeyValue(key=key) for key in keys]) for one in settings.footprints}
         self._message = DiagnosticArray(status=list(self._statuses.values()))
 
-    def note(self, names: Iterable[str]) -> None:
-        """Mark the states of footprints as changed."""
-        self._unwritten.update(names)
-
     def update(self, scene: Scene, predictions: Mapping[str, Prediction | None] = {}) -> None:
-        """
-        Write the states that have changed, also in whether their coordinates are coarse.
-
-        An imminent state with a prediction changes all the time, so it is always written.
-        """
+        """Write the states of all footprints."""
         polygons = dict(scene.footprints)
         for name in self._statuses:
-            step = coordinate_step(polygons.get(name))
-            coarse = step > self.settings.resolution
-            prediction = predictions.get(name)
-            is_imminent = prediction and scene.status(name) is Status.IMMINENT
-            if name in self._unwritten or is_imminent or self._coarse[name] != coarse:
-                self.write(name, scene.state(name), step, prediction)
-        self._unwritten.clear()
+            self.write(name, scene.state(name), coordinate_step(polygons.get(name)),
+                       predictions.get(name))
 
     def write(self, name: str, state: State, step: float,
               prediction: Prediction | None = None) -> None:
-        """Write a footprint's new state; `step` is the float32 step of its coordinates, m."""
+        """Write a footprint's state; `step` is the float32 step of its coordinates, m."""
         coarse = step > self.settings.resolution
-        self._coarse[name] = coarse
         status = self._statuses[name]
         status.level = _LEVELS[state.status]
         status.message = in_words(state, self.settings.margin, prediction)
@@ -115,11 +95,10 @@ class States:
         if not self.is_measured and state.status is not Status.UNKNOWN:
             status.message += f'; {_NOT_MEASURED}'
             reasons.append(_NOT_MEASURED)
-        status.values = [
-            KeyValue(key='state', value=state.status.value),
-            KeyValue(key='obstacles in contact', value=', '.join(map(str, state.contacts))),
-            *self._moving[name],
-            KeyValue(key='reason', value='; '.join(reasons))]
+        word, contacts, *_, reason = status.values
+        word.value = state.status.value
+        contacts.value = ', '.join(map(str, state.contacts))
+        reason.value = '; '.join(reasons)
 
     def write_moving(self, name: str, scene: Scene, nearest: Nearest | None,
                      prediction: Prediction | None) -> None:
@@ -148,7 +127,7 @@ class States:
             motion,
             ', '.join(map(str, prediction.unknown)) if prediction else '',
             *('; '.join(filter(None, known)) for known in scene.source_summaries))
-        for value, text in zip(self._moving[name], texts):
+        for value, text in zip(self._statuses[name].values[2:-1], texts):
             value.value = text
 
     @property

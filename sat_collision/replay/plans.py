@@ -11,6 +11,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from sat_collision.messages.rejections import Rejection
@@ -18,6 +19,8 @@ from sat_collision.monitor import Monitor
 from sat_collision.replay.model.result import FootprintResult, PlanContact
 from sat_collision.scene.path import PathCheck
 from sat_collision.scene.settings import FootprintSettings, PathSettings, Settings
+
+_LOST = 'lost by the recorder'
 
 
 class Plans:
@@ -59,10 +62,12 @@ class Plans:
             else:
                 self._check(name, time, now)
 
-    def finish(self, end: int) -> None:
-        """Record what still waits, at the end of the recording."""
-        for name in self._planners:
+    def finish(self, end: int, lost: Mapping[str, int]) -> None:
+        """Record what waits at the end of the recording, and how many were lost, by topic."""
+        for name, planner in self._planners.items():
             self._end(name, end)
+            if count := lost.get(planner.path.topic):
+                planner.result.plans_unknown[_LOST] = count
 
     def _end(self, name: str, now: int) -> None:
         if name in self._waiting:

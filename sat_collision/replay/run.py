@@ -306,7 +306,7 @@ class _Run:
                 timer.action(end)
         self._place(len(self._placements))
         self._timeline.finish(end)
-        self._plans.finish(end)
+        self._plans.finish(end, self._losses.counts if self._losses else {})
         self._result.end = end
         if self._outputs:
             self._outputs.close()

@@ -16,13 +16,14 @@ from xml.etree import ElementTree
 
 from builders import path, serialised, transforms
 import pytest
-from recordings import box, check, declared, main, MARKS, nanoseconds, SOURCE, write
+from recordings import (
+    box, check, declared, losses, LOST, LOST_TOPIC, main, MARKS, nanoseconds, SOURCE, write)
 from sat_collision.messages.interfaces import deserialize, Float64
 from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.model.result import Limits, Options, Verdict
 from sat_collision.replay.output.page import write_page
 
-TYPES = {'/tf': 'tf2_msgs/msg/TFMessage', '/plan': 'nav_msgs/msg/Path'}
+TYPES = {'/tf': 'tf2_msgs/msg/TFMessage', '/plan': 'nav_msgs/msg/Path', LOST_TOPIC: LOST}
 PARAMETERS = {'frame_id': 'odom', 'footprint.frame_id': 'base',
               'footprint.points': [-0.5, -0.25, 0.5, -0.25, 0.5, 0.25, -0.5, 0.25],
               'footprint.path': '/plan', 'footprint.timeout': 0.5,
@@ -171,6 +172,13 @@ def test_refused_plans(run):
     assert result.verdict is Verdict.CLEAR
     broken = run(drive(('/plan', 1.05, b'\0\1\0\0')))
     assert broken.verdict is Verdict.BAD_INPUT and 'cannot be decoded' in broken.problems[0]
+
+
+def test_plans_that_the_recorder_lost_are_unknown(run):
+    result = run(drive(plan(1.05, FREE), losses(1.5, plan=(1, 2), other=(5, 0))), fail_on='plan')
+    footprint, = result.footprints
+    assert (footprint.plans, footprint.plans_unknown) == (1, {'lost by the recorder': 3})
+    assert result.verdict is Verdict.UNKNOWN
 
 
 def test_every_plan_of_a_stamp_counts(run):

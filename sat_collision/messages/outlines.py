@@ -234,16 +234,13 @@ class _PlacedOutline:
             self.begun = 0
 
     def forget(self, fault: str = '') -> None:
-        # The stamp of its last place, that place, and whether its frame is static.
-        self.stamp: int | None = None
-        self.affine: Affine2D = UNMOVED
-        self.is_static = False
-        # When it is due again, and whether it may have moved when it was too soon to place it.
-        self.next = 0
-        self.is_pending = False
-        # Why it has no place, as last reported; since when it has waited for one.
-        self.fault = fault
-        self.begun = None
+        self.stamp: int | None = None  # of its last place
+        self.affine: Affine2D = UNMOVED  # that place
+        self.is_static = False  # whether its frame is
+        self.next = 0  # when it is due again
+        self.is_pending = False  # whether it may have moved when that was too soon
+        self.fault = fault  # why it has no place, as last reported
+        self.begun = None  # since when it has waited for one
 
     def is_moved(self, found: Mapped, now: int) -> bool:
         """Return whether a place is newer than the last one, or corrects it."""

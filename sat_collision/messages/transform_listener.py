@@ -37,9 +37,8 @@ class TransformListener:
 
     def __init__(self, settings: Settings) -> None:
         self.frames = Frames(round(settings.tf_cache_time * 1e9))
-        # All messages, by topic, and how many transforms were taken.
-        self.received: Counter[str] = Counter()
-        self.transforms = 0
+        self.received: Counter[str] = Counter()  # all messages, by topic
+        self.transforms = 0  # how many were taken
         # Refused transforms by (child frame, reason), with the frame in words for users; messages
         # that could not be read by (topic, reason).
         self.rejected: Counter[tuple[str, str]] = Counter()

@@ -54,36 +54,25 @@ class Footprint(Body[Obstacle]):
 
     def __init__(self, settings: FootprintSettings) -> None:
         super().__init__()
-        # The stream of its messages, and what is wrong with their publishers.
         self.stream = Stream()
-        self._stream_faults: tuple[str, ...] = ()
-        # The valid footprint: its stamp, not in the future, None if there is none; its origin,
-        # None if it was not transformed; whether it is past its timeout.
-        self.time: int | None = None
+        self._stream_faults: tuple[str, ...] = ()  # what is wrong with its publishers
+        self.time: int | None = None  # its stamp, not in the future; None if there is no valid one
         self.stamp = 0  # as sent
-        self.origin: Origin | None = None
-        self.stale = False
-        # What may be wrong if there is none, beside what is wrong with its publishers.
-        self.hints: tuple[str, ...] = ()
-        # Why there is no valid footprint; empty if there is one, even if stale.
-        self.fault = ''
+        self.origin: Origin | None = None  # None if it was not transformed
+        self.stale = False  # whether it is past its timeout
+        self.fault = ''  # why there is no valid one; empty if there is one, even if stale
+        self.hints: tuple[str, ...] = ()  # what else may be wrong then, beside its publishers
         # Why no footprint can be known, and why obstacles may not have been received; empty if
         # nothing is wrong.
         self.other_faults: tuple[str, tuple[str, ...]] = '', ()
-        # The frame of the last message, and when it was received.
-        self.frame_id = ''
-        self.received: int | None = None
-        # Its motion, if that is tracked, and the last velocity command.
-        self.motion = MotionTracker()
-        self.command: Command | None = None
-        # Why no command can come, as a sentence; empty if one can.
-        self.command_fault = ''
-        # Whether a contact is predicted within its min_time_to_collision.
-        self.is_imminent = False
-        # The status reported: CLEAR only after the release delay.
-        self.status = Status.UNKNOWN
-        # Why its contacts may be unknown; empty if all are known.
-        self.unknown_reasons: tuple[str, ...] = ()
+        self.frame_id = ''  # of the last message
+        self.received: int | None = None  # when that came
+        self.motion = MotionTracker()  # empty unless it is tracked
+        self.command: Command | None = None  # the last one
+        self.command_fault = ''  # why none can come, as a sentence; empty if one can
+        self.is_imminent = False  # whether a contact is due within its min_time_to_collision
+        self.status = Status.UNKNOWN  # as reported: CLEAR only after the release delay
+        self.unknown_reasons: tuple[str, ...] = ()  # why its contacts may be unknown
         # Names of contacts that changed since the reader emptied this.
         self.gained_or_lost: set[ObstacleId] = set()
         # Number of contacts by name: obstacles of successive sets may have the same name.

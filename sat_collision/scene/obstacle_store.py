@@ -58,11 +58,9 @@ class ObstacleStore:
     def __init__(self, source: str, contacts: Contacts) -> None:
         self.source = source
         self.contacts = contacts
-        # Max obstacles of a group.
-        self.max_count = 0
+        self.max_count = 0  # of a group
         self.groups: list[ObstacleGroup] = []
-        # Number of listings that have begun.
-        self.listings = 0
+        self.listings = 0  # how many have begun
         self._spare: list[SetGroup] = []
 
     def __iter__(self) -> Iterator[Obstacle]:
@@ -90,8 +88,7 @@ class ObstacleGroup:
     def __init__(self, store: ObstacleStore) -> None:
         self._store = store
         self._contacts = store.contacts
-        # Other frames in which obstacles of a map were sent.
-        self.frames: set[str] = set()
+        self.frames: set[str] = set()  # other frames in which obstacles of a map were sent
         store.groups.append(self)
 
     def __iter__(self) -> Iterator[Obstacle]:

@@ -92,10 +92,8 @@ class Scene(SceneView):
         # Whether contacts of footprints are decided; if not, only what is unknown is found.
         self._decides_contacts = decides_contacts
         self._now = 0
-        # The latest time that was known when the clock stepped back.
-        self._latest = 0
-        # Why the clock cannot be trusted; empty if it can.
-        self._clock_fault = ''
+        self._latest = 0  # the latest time that was known when the clock stepped back
+        self._clock_fault = ''  # why the clock cannot be trusted; empty if it can
         self._use(settings)
         self._contacts = Contacts(settings.margin)
         self._sources = {source.name: Source(source, self._contacts, self._future_tolerance)

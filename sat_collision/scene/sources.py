@@ -59,20 +59,15 @@ class Source:
         # Why its frame cannot be followed, as the end of a sentence; empty if it can, until when.
         self.frame_limit: tuple[str, float] = '', NEVER
         # The number in its queue of the first message that waits for its transform, NEVER if none
-        # does. Obstacles that are queued behind it: with each group, the number of its last one;
-        # whether that is still filled. Number and reason of the last one that was refused.
+        # does. Obstacles that are queued behind it, in groups, each after its last one's number.
         self._first: float = NEVER
         self._early: list[tuple[int, SetGroup]] = []
-        self._is_early_open = False
-        self._early_refusal = -1, ''
-        # Groups of listings that were interrupted.
-        self._former: list[ObstacleGroup] = []
-        # While the publishers change: the group of what any of them sends.
-        self._mixed: SetGroup | None = None
-        # Whether stamps are those of another clock, see FAR.
-        self._is_far = False
-        # Whether all was known when faults were last found.
-        self._was_known = False
+        self._is_early_open = False  # whether the last group is still filled
+        self._early_refusal = -1, ''  # number and reason of the last one that was refused
+        self._former: list[ObstacleGroup] = []  # of listings that were interrupted
+        self._mixed: SetGroup | None = None  # while the publishers change: what any of them sends
+        self._is_far = False  # whether stamps are those of another clock, see FAR
+        self._was_known = False  # when faults were last found
         self._use(settings, tolerance)
         # What is known of its publisher: a new object whenever that starts over.
         self.knowledge: _Knowledge = self._new_knowledge()

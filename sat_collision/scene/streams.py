@@ -61,34 +61,28 @@ class Stream:
     """
 
     def __init__(self) -> None:
-        # The number that continues the stream, None if no number does.
-        self.next: int | None = None
-        # Number of messages lost so far; whether the middleware gives numbers, which show that.
-        self.lost = 0
-        self.is_numbered = True
+        self.next: int | None = None  # the number that continues the stream, None if none does
+        self.lost = 0  # how many messages, so far
+        self.is_numbered = True  # whether the middleware gives numbers, which show losses
         # Whether messages were lost before the next one, where no number shows it.
         self.is_lossy = False
         # For how long numbers that only two publishers can have sent are a fault, and until when
         # they are one now, NEVER if they are not.
         self.timeout: float = NEVER
         self.mixed_until: float = NEVER
-        # The number of the message before, while `next` is None.
-        self._last = 0
+        self._last = 0  # the number of the message before, while `next` is None
+        self._last_before = 0  # the last number of the previous stream
         # By gid in order of appearance, None if not known yet; the gid of the stream's publisher.
         self._endpoints: dict[str, Endpoint] | None = None
         self._publisher: str | None = None
         # Gids of publishers of which nothing was received, and of which something may have been.
         self._silent: set[str] = set()
         self._perhaps_silent: set[str] = set()
-        # Whether the stream began before its publisher was reported; and which was reported next.
-        self.awaits_endpoint = False
-        self._presumed: str | None = None
-        # The last number of the previous stream.
-        self._last_before = 0
-        # The greatest number received, and whether it is surely of the one publisher. What had
-        # come before the subscription was made anew: up to which number, how long it is awaited.
-        self._newest = 0
-        self._is_newest_sure = True
+        self.awaits_endpoint = False  # whether it began before its publisher was reported
+        self._presumed: str | None = None  # which was reported next
+        self._newest = 0  # the greatest number received
+        self._is_newest_sure = True  # whether that is surely of the one publisher
+        # Up to which number messages come again, for a new subscription; until when they may.
         self._again = 0
         self.again_until: float = NEVER
 

@@ -101,10 +101,13 @@ class BagOutputs:
     def create_publisher(self, kind: type, topic: str, _depth: int) -> Any:
         name = topic.replace('~', self._node, 1)
         self._writer.add_topic(name, type_name(kind))
-        return SimpleNamespace(get_subscription_count=lambda: 1, publish=lambda message: (
-            self.fault or self._guard(
-                self._writer.write, name, self._time,
-                message if isinstance(message, bytes) else serialize(message))))
+
+        def publish(message: Any) -> None:
+            if not self.fault:
+                self._guard(self._writer.write, name, self._time,
+                            message if isinstance(message, bytes) else serialize(message))
+
+        return SimpleNamespace(get_subscription_count=lambda: 1, publish=publish)
 
 
 def write_example(path: str | Path) -> None:

@@ -154,7 +154,7 @@ function drawPlan(drawn, {footprint, way, outline}, scale) {
   if (!way.length) return;
   const {colour} = recording.footprints[footprint];
   drawn.append(svg('path', {class: 'plan', stroke: colour, d: lineOf(way, scale)}),
-    svg('path', {class: 'plan', stroke: colour, d: `${lineOf(outline, scale)}Z`}));
+    svg('path', {class: 'plan contact', d: `${lineOf(outline, scale)}Z`}));
 }
 
 // Names of footprints and of what they touch, moved up until none covers another.

@@ -497,6 +497,9 @@ def test_plan_in_contact_is_drawn_while_it_counts(page, tmp_path):
     assert shown.text('#clock') == '0.000 s' and shown.chromium.execute_script(plans) == 0
     shown.click('[id="plans in contact"] tbody tr')
     assert shown.text('#clock') == '1.000 s' and shown.chromium.execute_script(plans) == 2
+    assert shown.chromium.execute_script(
+        'return getComputedStyle(document.querySelector("#scene .plan.contact")).stroke'
+    ) == 'rgb(214, 39, 40)'
     shown.drag(0.9)
     assert shown.chromium.execute_script(plans) == 0
 

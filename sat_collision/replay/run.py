@@ -113,9 +113,9 @@ class _Run:
         self._placements: list[Placement] = []
         self._together = 1 if any(one.has_outline for one in settings.footprints) else _TOGETHER
         self._untaken = 0
-        has_plans = any(one.path for one in settings.footprints)
+        has_plans = any(one.path and one.enabled for one in settings.footprints)
         if options.fail_on == PLAN and not has_plans:
-            raise ParameterError('--fail-on plan: no footprint has a path')
+            raise ParameterError('--fail-on plan: no enabled footprint has a path')
         self._monitor = Monitor(settings, bool(self._transforms),
                                 None if options.as_live else self._placements,
                                 options.as_live or options.write_bag is not None or has_plans)

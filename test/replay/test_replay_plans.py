@@ -216,11 +216,15 @@ def test_gate(tmp_path, capsys, plans, verdict):
     assert bool(case.findall('failure')) is bool(verdict)
 
 
-def test_gate_needs_a_path(tmp_path, capsys):
-    bag = str(write(tmp_path / 'bag', drive(), types=TYPES))
+@pytest.mark.parametrize('parameters', [
+    {'footprints': '[footprint]'},
+    {**PARAMETERS, 'footprints': '[footprint, other]', 'footprint.enabled': 'false'}],
+    ids=['no path', 'disabled'])
+def test_gate_needs_a_path(tmp_path, capsys, parameters):
+    bag = str(write(tmp_path / 'bag', drive(plan(1.05, TOUCHING)), types=TYPES))
     assert main([bag, f'--obstacles={SOURCE}:=/obstacles', '--fail-on', 'plan',
-                 '--param=frame_id:=odom']) == 3
-    assert '--fail-on plan: no footprint has a path' in capsys.readouterr().out
+                 *(f'--param={name}:={value}' for name, value in parameters.items())]) == 3
+    assert '--fail-on plan: no enabled footprint has a path' in capsys.readouterr().out
 
 
 def test_results_for_machines(tmp_path):

@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-all test-lowest test-newest coverage knowing paths docs surface \
+.PHONY: demo test test-all test-lowest test-newest coverage knowing motion paths docs surface \
     release-check sbom audit bench report accuracy adversary faults soak fuzz clean
 
 demo: $(VENV)/demo.stamp
@@ -92,6 +92,12 @@ adversary: $(VENV)/test.stamp
 PATHS ?= 1e5
 paths: $(VENV)/test.stamp
 	PYTHONPATH=.:test/support $(BIN)/python test/geometry/paths.py --paths $(PATHS)
+
+# Random recordings beside the exact oracle of recorded motion: make motion RECORDINGS=1e4
+RECORDINGS ?= 1e6
+motion: $(VENV)/test.stamp
+	PYTHONPATH=.:test/support $(BIN)/python test/replay/motion/test_replay_theory.py \
+	    --recordings $(RECORDINGS)
 
 # What can happen around one source, every order of DEPTH events and random RUNS in each form:
 # make knowing DEPTH=1 RUNS=1e3

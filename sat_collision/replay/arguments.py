@@ -104,8 +104,8 @@ def _parser() -> argparse.ArgumentParser:
     add = parser.add_argument_group('verdict').add_argument
     add('--max-unknown', type=_seconds, default=1.0, metavar='S',
         help='how many seconds in all a footprint may be unknown (%(default)s)')
-    add('--max-undetermined', type=_seconds, metavar='S',
-        help='for how many seconds in all the motion of a source may be undetermined (any)')
+    add('--max-undetermined', type=_seconds, default=0.0, metavar='S',
+        help='for how many seconds in all it may be unknown how something moved (%(default)s)')
     add('--min-ttc', type=_seconds, metavar='S',
         help='measure times to collision, and fail on one of less than S seconds; 0 fails on none')
     add('--fail-on', choices=[PLAN],

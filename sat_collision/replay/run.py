@@ -180,6 +180,7 @@ class _Run:
         result.footprints = self._footprints
         result.contacts = self._timeline.contacts
         result.unknown = self._timeline.unknown
+        result.undetermined = self._motion.undetermined if self._motion else []
         result.plan_contacts = self._plans.contacts
         result.notes += self._motion.notes if self._motion else []
         result.notes += [
@@ -206,7 +207,7 @@ class _Run:
             name, source.topic, self._monitor.received[name], rejected,
             examples=self._examples.get(name, {}),
             lost=self._losses.counts[source.topic] if self._losses else 0,
-            undetermined=self._motion.undetermined(name) if self._motion else 0,
+            undetermined=self._motion.undetermined_of(name) if self._motion else 0,
             refused=0 if isinstance(source, PathSettings) else sum(
                 count for reason, count in rejected.items() if reason in _OF_CONTENT),
             known_by=self._scene.known_by(name)[0])

@@ -71,7 +71,8 @@ def test_text_output(bags, capsys):
     out = capsys.readouterr().out
     assert 'COLLISION' in out and f'303 messages (footprint 101, {SOURCE} 202)' in out
     assert 'recorded motion, 10.000 s by receive time' in out
-    assert re.search(rf'footprint +99.00 % +8.978 +0.922 +0.100 +-0.25 m from {SOURCE}/0', out)
+    assert re.search(
+        rf'footprint +99.00 % +8.978 +0.922 +0.100 +0.000 +-0.25 m from {SOURCE}/0', out)
     assert re.search(
         rf'footprint +{SOURCE}/0 +3.989 +0.922 +0.25 +0.875 +0.500 +at a sample', out)
     main([bags['collision'], '--as-live'])
@@ -89,7 +90,7 @@ def test_json_has_the_documented_schema(bags, tmp_path):
     path = tmp_path / 'result.json'
     main([*bags.values(), '--json', str(path)])
     content = json.loads(path.read_text(), parse_constant=pytest.fail)
-    assert content['schema'] == 'sat_collision.replay/4'
+    assert content['schema'] == 'sat_collision.replay/5'
     assert (content['verdict'], content['exit_status']) == ('collision', 1)
     assert [bag['verdict'] for bag in content['bags']] == ['clear', 'collision', 'unknown',
                                                            'bad input']
@@ -162,21 +163,26 @@ def test_baseline(bags, tmp_path, capsys):
 
 
 def test_max_undetermined(tmp_path, capsys):
-    """One obstacle disappears and another appears, so their motion is undetermined."""
+    """Where one obstacle disappears another appears, which may be the same."""
     messages = [(topic, k / 10, points) for k in range(10) for topic, points in (
         ('/footprint', box(0)), ('/obstacles', box(5) if k < 5 else box(5)[:3]))]
     path = str(write(tmp_path / 'bag', messages))
-    assert main([path], STAMPS) == 0
-    words = f'{SOURCE}: for 0.100 s it is not known how something moved; only its samples'
-    assert words in capsys.readouterr().out
-    files = {kind: str(tmp_path / f'result.{kind}') for kind in ('json', 'xml')}
-    assert main([path, '--max-undetermined', '0', '--json', files['json'],
-                 '--junit', files['xml']], STAMPS) == 2
+    assert main([path, '--max-undetermined', '0.1'], STAMPS) == 0
+    assert re.search(f'0.400 +0.100 +it is not known how something of {SOURCE} moved',
+                     capsys.readouterr().out)
+    files = {kind: str(tmp_path / f'result.{kind}') for kind in ('json', 'csv', 'xml')}
+    assert main([path, '--json', files['json'], '--csv', files['csv'], '--junit', files['xml']],
+                STAMPS) == 2
     bag, = json.loads(Path(files['json']).read_text())['bags']
     assert [source['undetermined'] for source in bag['sources']] == [0, 10**8]
+    one, = bag['undetermined']
+    assert one['last'] - one['first'] == bag['footprints'][0]['undetermined'] == 10**8
+    assert f'undetermined,footprint,,{one["first"]},{one["last"]},0.1' in (
+        Path(files['csv']).read_text())
     case, = (case for case in ElementTree.parse(files['xml']).iter('testcase')
              if case.find('failure') is not None)
-    assert case.get('name') == f'motion of {SOURCE}'
+    assert case.get('name') == 'footprint' and 'undetermined for 0.100 s' in (
+        case.find('failure').get('message'))
 
 
 def test_plots(bags, tmp_path):

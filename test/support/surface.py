@@ -108,14 +108,14 @@ def _json():
     footprint = result.FootprintResult(
         'f', '/f', True, clear=1, least=nearest, separation=[(1, 1.0), (2, None)],
         soonest=result.Soonest(1.0, 1, 'o'), time_to_collision=[(1, 1.0), (2, None)],
-        plans=1, plans_unknown={'reason': 1})
+        last=2, plans=1, plans_unknown={'reason': 1})
     whole = result.Result(
         'bag', result.Options(max_undetermined=1.0, min_ttc=1.0, fail_on='plan'), 1, 1, 2,
         'digest', [footprint],
         [result.SourceResult('s', '/s', 1, {'reason': 1}, {'reason': 'example'})],
         [result.Contact('f', 'o', 1, 2, normal=[1.0, 0.0], points=[[1.0, 1.0]],
                         between=[1, None])],
-        [result.Unknown('f', 1, 2, ['reason'])], ['problem'], ['note'],
+        *[[result.Unknown('f', 1, 2, ['reason'])]] * 2, ['problem'], ['note'],
         plan_contacts=[result.PlanContact('f', 'o', 1, 2, 1.0, 1.0)])
     nothing = result.Result('bag', footprints=[result.FootprintResult('f', '/f', True)])
     types = {}

@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 import enum
 from heapq import merge
@@ -54,7 +54,7 @@ class Options:
     start: float = 0.0  # what part to check, from the recording's beginning
     duration: float | None = None
     max_unknown: float = 1.0  # for how long in all a footprint may be unknown
-    max_undetermined: float | None = None  # for how long a motion may be; None for any time
+    max_undetermined: float = 0.0  # for how long in all motion may be undetermined
     min_ttc: float | None = None  # the least that is allowed, 0 for any; None to predict none
     fail_on: str | None = None  # PLAN: no plan may be in contact, or unknown
     sample: float = 0.1  # as live, how often to measure separations
@@ -140,7 +140,7 @@ class Contact:
 
 @dataclass
 class Unknown:
-    """The state of a footprint is unknown from `first` until just before `last`."""
+    """The state of a footprint, or some motion, is unknown from `first` until before `last`."""
 
     footprint: str
     first: int
@@ -193,7 +193,9 @@ class FootprintResult:
     clear: int = 0
     collision: int = 0
     unknown: int = 0
+    undetermined: int = 0  # its state is known, but not how it or an obstacle moved
     start_up: int = 0  # for how long after the start some source cannot be known
+    last: int | None = None  # the stamp of its last message
     ever_known: bool = False
     least: Least | None = None
     # In m, None where unknown; of very many samples only the least of neighbours are kept.
@@ -208,7 +210,8 @@ class FootprintResult:
     def coverage(self) -> float | None:
         """The share of the time in which the state was known, None if no time passed."""
         known = self.clear + self.collision
-        return known / (known + self.unknown) if known + self.unknown else None
+        total = known + self.unknown + self.undetermined
+        return known / total if total else None
 
     def note_least(self, found: Least) -> None:
         """Record a separation if it is the least so far."""
@@ -230,9 +233,7 @@ class SourceResult:
     received: int
     rejected: dict[str, int]  # numbers by reason
     examples: dict[str, str]  # the first one by reason
-    # For how long (ns) recorded motion does not know how a body of it moved, because the bodies of
-    # two messages could not be matched: only the messages themselves were decided.
-    undetermined: int = 0
+    undetermined: int = 0  # for how long (ns) it is not known how a body of it moved
     refused: int = 0  # for their content, such as NaN or self-intersection
     lost: int = 0  # messages that the recorder lost, as far as it recorded that
     known_by: str = ''  # the rule by which all obstacles of it are known
@@ -252,6 +253,7 @@ class Result:
     sources: list[SourceResult] = field(default_factory=list)
     contacts: list[Contact] = field(default_factory=list)
     unknown: list[Unknown] = field(default_factory=list)
+    undetermined: list[Unknown] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)  # what is wrong with the recording
     notes: list[str] = field(default_factory=list)  # what else a reader should know
     keyframes: Keyframes | None = None  # the bodies at moments worth drawing, if asked for
@@ -296,11 +298,16 @@ class Result:
                    if one.footprint == footprint.name and one.first < end)
 
     @property
-    def too_undetermined(self) -> list[SourceResult]:
-        """The sources whose motion was undetermined for too long."""
-        limit = self.options.max_undetermined
-        return [] if limit is None else [
-            source for source in self.sources if source.undetermined > 1e9 * limit]
+    def too_undetermined(self) -> list[FootprintResult]:
+        """The footprints whose motion, or that of obstacles, was undetermined for too long."""
+        return [footprint for footprint in self.footprints if footprint.enabled and (
+            self.undetermined_of(footprint) > 1e9 * self.options.max_undetermined)]
+
+    def undetermined_of(self, footprint: FootprintResult) -> int:
+        """Return for how long (ns) motion was undetermined after start-up, before its end."""
+        start, end = (self.start or 0) + footprint.start_up, footprint.last or 0
+        return sum(max(min(one.last, end) - max(one.first, start), 0)
+                   for one in self.undetermined if one.footprint == footprint.name)
 
     @property
     def too_soon(self) -> list[FootprintResult]:
@@ -388,14 +395,13 @@ def joined(intervals: Iterable[tuple[_Number, _Number]], gap: float = 0
     return found
 
 
-def joined_contacts(contacts: Iterable[Contact], sources: Container[str]) -> list[Contact]:
-    """Return contacts in order, those that overlap with one obstacle of some sources as one."""
+def joined_contacts(contacts: Iterable[Contact]) -> list[Contact]:
+    """Return contacts in order, those that meet with one obstacle as one."""
     found: list[Contact] = []
     latest: dict[tuple[str, str], Contact] = {}
     for contact in sorted(contacts, key=lambda contact: contact.first):
         key = contact.footprint, contact.obstacle
-        if contact.obstacle.partition('/')[0] in sources and (
-                key in latest and contact.first <= latest[key].last):
+        if key in latest and contact.first <= latest[key].last:
             latest[key].join(contact)
         else:
             latest[key] = contact

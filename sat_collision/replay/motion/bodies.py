@@ -24,12 +24,13 @@ from sat_collision.geometry.polygon import Affine2D, MAX_VERTICES, Polygon
 from sat_collision.messages.ingest import Placement
 from sat_collision.replay.motion.kernels import (
     COUNT, describe, EARLIEST, END, FINISH, FIRST, follow, LATEST, MAY_REPEAT, MOTIONS,
-    MOTIONS_BEGIN, motions_between, MOTIONS_END, MOVED, POINT, POINTS_END, ROW, ROWS_END, STAMP,
+    MOTIONS_BEGIN, motions_between, MOTIONS_END, POINT, POINTS_END, ROW, ROWS_END, STAMP,
     START, STEP)
 from sat_collision.scene.obstacles import ObstacleId
 
 Floats: TypeAlias = NDArray[np.float64]
 Integers: TypeAlias = NDArray[np.int64]
+Interval: TypeAlias = tuple[int, int]  # from one time to another, ns
 
 # The longest motion that is interpolated, whatever the timeout, ns.
 LONGEST = 10 * 10**9
@@ -165,12 +166,6 @@ class Bodies:
     def stamps(self) -> Integers:
         """The stamp of each body, ns."""
         return self.rings[:, STAMP]
-
-    @property
-    def moving(self) -> NDArray[np.bool_]:
-        """Whether each body is known to have moved to where it is."""
-        moving: NDArray[np.bool_] = self.rings[:, MOVED] != 0
-        return moving
 
     @property
     def middles(self) -> Floats:

@@ -25,7 +25,8 @@ from sat_collision.geometry.query import closest_points, separation
 from sat_collision.geometry.sweep import time_of_contact
 from sat_collision.replay.model.result import (
     AT_A_SAMPLE, BETWEEN_SAMPLES, Contact, FootprintResult, Least, least_of, Series, Unknown)
-from sat_collision.replay.motion.bodies import Block, Bodies, Floats, Integers, LinearMotion
+from sat_collision.replay.motion.bodies import (
+    Block, Bodies, Floats, Integers, Interval, LinearMotion)
 from sat_collision.replay.motion.nearness import (
     measure_near, nearest_in_steps, rows_near, SLACK)
 from sat_collision.replay.motion.tracker import Step
@@ -47,14 +48,17 @@ class ContactTracker:
         self.waiting: deque[Step] = deque()
         # Whether footprint and source were ever known at the same time.
         self.decided = False
-        # For how long the vertices of a moving body made no valid polygon, ns.
-        self.undetermined = 0
+        # The times in which the vertices of a moving body made no valid polygon.
+        self.undetermined: list[Interval] = []
         self._trajectory = trajectory
         self._series = contacts.series()
         self._contacts = contacts
         self._margin = margin
         self._touching: dict[ObstacleId, Contact] = {}
         self._nearest: _NearestInSteps | None = None
+        # Of bodies that need not come together: how far each was when it came last, or the body
+        # itself where that was not measured.
+        self._latest: dict[ObstacleId, float | tuple[Bodies, int]] = {}
 
     def decide(self, step: Step) -> None:
         """Decide a step; the trajectory must be complete up to the end of the step."""
@@ -70,7 +74,7 @@ class ContactTracker:
             before = self._touching
             before.update(followed)
         if step.seen is not None:
-            touching = self._decide_moment(step.seen, before)
+            touching = self._decide_moment(step.seen, before, step.gone is not None)
             if step.gone is None:
                 self._touching = touching
             else:
@@ -79,6 +83,7 @@ class ContactTracker:
                 self._touching.update(touching)
         for name in step.gone or ():
             self._touching.pop(name, None)
+            self._latest.pop(name, None)
 
     def finish(self) -> None:
         """Mark the contacts that last to the end."""
@@ -104,11 +109,17 @@ class ContactTracker:
             self._contacts.measure(seen if kind == 2 else last, row, time, value)
         return True
 
-    def _decide_moment(self, seen: Bodies,
-                       before: dict[ObstacleId, Contact]) -> dict[ObstacleId, Contact]:
-        """Decide a moment: return the contacts, and record their depths and the nearest body."""
+    def _decide_moment(self, seen: Bodies, before: dict[ObstacleId, Contact],
+                       is_part: bool) -> dict[ObstacleId, Contact]:
+        """
+        Decide a moment: return the contacts, and record their depths and the nearest body.
+
+        The bodies seen may be a part of those that are there.
+        """
         touching: dict[ObstacleId, Contact] = {}
         box = self._trajectory.bounds(seen.begin, seen.end) if len(seen) else None
+        if is_part:
+            self._latest.update((name, (seen, row)) for row, name in enumerate(seen.names))
         if box is None:
             return touching
         self.decided = True
@@ -126,13 +137,27 @@ class ContactTracker:
                 contact.found = AT_A_SAMPLE
                 self._contacts.deepen(contact, name, 0.0 - value, time,
                                       (outline, seen.polygon(row)))
+            if is_part:
+                self._latest[seen.names[row]] = value
             if value < least:
                 least, nearest = value, row
         if nearest >= 0:
             time = int(seen.stamps[nearest])
-            self._series.add(time, least)
             self._contacts.measure(seen, nearest, time, least)
+            if len(self._latest) > len(seen):
+                least = min(map(self._measured, [*self._latest]))
+            self._series.add(time, least)
         return touching
+
+    def _measured(self, name: ObstacleId) -> float:
+        """Return how far a body was when it came last, infinity if that is not known."""
+        value = self._latest[name]
+        if isinstance(value, tuple):
+            bodies, row = value
+            own = self._trajectory.outline(int(bodies.stamps[row]))
+            value = self._latest[name] = (
+                inf if own is None else separation(own, bodies.polygon(row)))
+        return value
 
     def _follow(self, motion: LinearMotion, followed: dict[ObstacleId, Contact],
                 seen: Bodies | None) -> None:
@@ -158,7 +183,7 @@ class ContactTracker:
                     contact = self._cross(_Pair(piece, motion, i, begin, end), contact)
                 except PolygonError:
                     contact = None
-                    self.undetermined += end - begin
+                    self.undetermined.append((begin, end))
             if contact is not None:
                 followed[motion.after.names[motion.next_rows[i]]] = contact
         if box is not None:
@@ -182,7 +207,7 @@ class ContactTracker:
             if nearest:
                 row, _, value = nearest
                 self._contacts.measure(motion.before, row, time, value)
-                if are_all_still:
+                if are_all_still and len(self._latest) <= len(motion.before):
                     self._series.add(time, value)
 
     def _by_gap(self, own: Polygon | None, box: Box, bodies: Bodies, rows: Integers | None,

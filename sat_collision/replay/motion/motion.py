@@ -18,15 +18,15 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import repeat
-from operator import attrgetter
+from itertools import groupby, pairwise, repeat
+from operator import attrgetter, itemgetter
 from typing import Any
 
 from sat_collision.messages.ingest import Placement
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.replay.model.result import (
     Contact, FootprintResult, joined, joined_contacts, Unknown, Unknowns)
-from sat_collision.replay.motion.bodies import Block, Bodies, LONGEST
+from sat_collision.replay.motion.bodies import Block, Bodies, Interval, LONGEST
 from sat_collision.replay.motion.contacts import ContactResults, ContactTracker
 from sat_collision.replay.motion.prediction import Predictor
 from sat_collision.replay.motion.tape import MotionTape
@@ -77,11 +77,15 @@ class Sweep:
         """Whether it was ever decided against each source that had bodies."""
         return all(one.decided for one in self._contact_trackers.values())
 
-    @property
-    def undetermined(self) -> int:
-        """For how long the trajectory was not known though the footprint was there, ns."""
-        return self.trajectory.undetermined + sum(
-            one.undetermined for one in self._contact_trackers.values())
+    def undetermined(self, start: int, end: int) -> dict[str, list[Interval]]:
+        """Return by footprint or source when it is not known how something of it moved."""
+        found = defaultdict(list)
+        known = joined(self.trajectory.known)
+        found[self.settings.name] = [(first, last) for (_, first), (last, _) in pairwise(
+            [(start, start), *known, (end, end)]) if first < last]
+        for tracker, one in self._contact_trackers.items():
+            found[tracker.name] += tracker.undetermined + one.undetermined
+        return found
 
     def queue(self, tracker: Tracker, step: Step, now: int) -> None:
         """Queue a step, which is decided once the trajectory is known."""
@@ -153,6 +157,9 @@ class RecordedMotion:
         self.notes: list[str] = []
         self._scene = scene
         self._unknowns = Unknowns()
+        self._undetermined = Unknowns()
+        # For how long (ns) the motion of something of a footprint or source is not known.
+        self._lengths: dict[str, int] = {}
         self._start: int | None = None
         self._now = 0
         self._transforms = transforms
@@ -171,6 +178,11 @@ class RecordedMotion:
     def unknown(self) -> list[Unknown]:
         """The times in which footprints are unknown, in the order of their beginning."""
         return self._unknowns.intervals
+
+    @property
+    def undetermined(self) -> list[Unknown]:
+        """The times in which motion is not known though the state is."""
+        return self._undetermined.intervals
 
     def change(self, names: Iterable[str], now: int) -> None:
         """Take from the scene whether footprints are unknown from now on."""
@@ -240,30 +252,54 @@ class RecordedMotion:
             tracker.rest(last, is_over=True)
         start = end if self._start is None else self._start
         for name, sweep in self._sweeps.items():
+            result = sweep.result
+            result.last = sweep.trajectory.latest
             sweep.finish(end)
             sweep.contacts.draw_curve(self.unknown)
-            result = sweep.result
             if sweep.prediction:
                 sweep.prediction.finish(result, self.unknown)
             if result.ever_known and not sweep.is_decided:
                 result.ever_known = False
                 self.notes.append(f'{name}: at no time is it known where it and the obstacles '
                                   'are; --as-live tells what the monitor would have said')
-            touching = [*_times(self.contacts, name)]
+            undetermined = sweep.undetermined(start, end)
+            for of, intervals in undetermined.items():
+                self._lengths[of] = max(_length(intervals, start, result.last or end),
+                                        self._lengths.get(of, 0))
             unknown = [*_times(self.unknown, name)]
-            result.collision = _length(touching, start, end)
-            both = _length(touching + unknown, start, end)
-            result.unknown = both - result.collision
-            result.clear = end - start - both
-        self.contacts[:] = joined_contacts(self.contacts, {
-            source.name for source in self._sources.values() if source.ending == NONE})
+            self._add_undetermined(name, {**undetermined, '': unknown}, start, end)
+            counted: list[Interval] = []
+            before = 0
+            for state, intervals in (('collision', [*_times(self.contacts, name)]),
+                                     ('unknown', unknown),
+                                     ('undetermined', [*_times(self.undetermined, name)])):
+                counted += intervals
+                length = _length(counted, start, end)
+                setattr(result, state, length - before)
+                before = length
+            result.clear = end - start - before
+        self.contacts[:] = joined_contacts(self.contacts)
         self.contacts.sort(key=attrgetter('first'))
 
-    def undetermined(self, name: str) -> int:
+    def undetermined_of(self, name: str) -> int:
         """Return for how long (ns) the motion of a footprint or of obstacles was not known."""
-        if name in self._sweeps:
-            return self._sweeps[name].undetermined
-        return self._trackers[name].undetermined if name in self._trackers else 0
+        return self._lengths.get(name, 0)
+
+    def _add_undetermined(self, name: str, intervals: dict[str, list[Interval]], start: int,
+                          end: int) -> None:
+        """Record when motion was not known, by whose it was; but for what has an empty name."""
+        events = sorted(
+            (min(max(time, start), end), is_begin, of) for of, times in intervals.items()
+            for interval in joined(times) for time, is_begin in zip(interval, (True, False)))
+        active: set[str] = set()
+        for time, changes in groupby(events, itemgetter(0)):
+            for _, is_begin, of in changes:
+                (active.add if is_begin else active.discard)(of)
+            self._undetermined.follow(
+                name, () if '' in active else
+                [f'it is not known how {"it" if of == name else f"something of {of}"} moved'
+                 for of in sorted(active)], time)
+        self._undetermined.finish(end)
 
     def _place_footprint(self, sweep: Sweep, placement: Placement, sample: Bodies) -> None:
         if placement.frame_id != self._frame_id:
@@ -278,7 +314,7 @@ class RecordedMotion:
             poses = Poses(self._transforms, sweep.settings.frame_id,
                           placement.single).between(begin, stamp)
             if poses is None:
-                trajectory.lose_piece(stamp)
+                trajectory.lose()
                 if self._tape:
                     self._tape.write(placement.name, None)
             for time, affine in poses or ():

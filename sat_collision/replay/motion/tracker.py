@@ -13,22 +13,23 @@ Match the bodies of a source from one message to the next: by id, by shape, or s
 Which messages are one set, and which sets are whole, is what the live knowledge found: placements
 have the numbers of listings. A tracker turns the placements of a source into steps, each from one
 moment at which bodies were received to the next. A body that is not received again stands still
-until it times out, unless it is known to move.
+as long as the node would hold it. docs/motion.md has the theory.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from bisect import bisect_right, insort
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence, Set
 from dataclasses import dataclass
-from itertools import chain, compress, count, repeat, takewhile
+from itertools import chain, compress, count, pairwise, repeat, takewhile
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from sat_collision.messages.ingest import Placement
 from sat_collision.replay.motion.bodies import (
-    Block, Bodies, LinearMotion, LONGEST, motion_between, motion_in_block, stay)
+    Block, Bodies, Interval, LinearMotion, LONGEST, motion_between, motion_in_block, stay)
 from sat_collision.replay.motion.kernels import COUNT, MOVED, mutual_nearest
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import NEVER, ObstacleSettings
@@ -77,9 +78,9 @@ class Tracker(ABC):
     """Follows the bodies of a source."""
 
     def __init__(self, settings: ObstacleSettings, max_vertices: int, emit: Emit) -> None:
-        # For how long the motion of some body was not known, ns.
-        self.undetermined = 0
-        self._source = settings.name
+        # The times in which the motion of some body is not known.
+        self.undetermined: list[Interval] = []
+        self.name = settings.name
         self._timeout = round(settings.timeout * 1e9) or NEVER
         self._longest = round(min(self._timeout, LONGEST))
         self._max_vertices = max_vertices
@@ -105,6 +106,13 @@ class Tracker(ABC):
     def use_frame(self, frame_id: str) -> None:
         """Set the current frame, and drop bodies in other frames."""
         self._frame_id = frame_id
+
+    def _miss(self, first: int, last: int) -> None:
+        """Record that the motion of some body is not known between two times."""
+        if self.undetermined and self.undetermined[-1][1] == first:
+            first, _ = self.undetermined.pop()
+        if first < last:
+            self.undetermined.append((first, last))
 
     def _bodies(self, names: Sequence[ObstacleId], placements: Sequence[Placement],
                 block: Block, number: int = 0) -> Bodies:
@@ -136,8 +144,10 @@ class SetTracker(Tracker):
         # The last set as far as it has stood, the same as received, and the rows not timed out.
         self._last: Bodies | None = None
         self._seen: Bodies | None = None
-        self._last_stamp = 0
         self._alive: Sequence[int] = ()
+        # Its stamp, until when its bodies have stood, and whether it was whole.
+        self._since = self._last_stamp = 0
+        self._is_whole = True
 
     def describe(self, placements: Sequence[Placement]) -> Iterable[Described | None]:
         sets: list[list[Placement]] = []
@@ -156,7 +166,9 @@ class SetTracker(Tracker):
 
     def place(self, placement: Placement, described: Described | None = None) -> None:
         if placement.listing != self._listing:
-            self._close()
+            # Long after it nothing shows that it was whole.
+            is_late = placement.stamp > self._start + self._longest
+            self._close(placement.last_whole >= self._listing, placement.stamp if is_late else 0)
             self._listing, self._start = placement.listing, placement.stamp
             self._described = described
         if not placement.is_empty:
@@ -171,19 +183,16 @@ class SetTracker(Tracker):
 
     def rest(self, now: int, is_over: bool = False) -> None:
         if self._listing and (is_over or now > self._start + self._longest):
-            self._close()
+            self._close(held=now)
         last, seen = self._last, self._seen
         # Whether bodies are received again is only known when the next set has ended.
         if self._listing or last is None or seen is None or not self._alive or not (
                 is_over or now > self._last_stamp + self._longest):
             return
-        alive, moving = self._alive, last.moving
+        alive = self._alive
         stamps, seen_at = last.stamps.tolist(), seen.stamps.tolist()
-        ends = {row: min(now, seen_at[row] + self._timeout) for row in alive}
-        until = {row: round(end) for row, end in ends.items()
-                 if not moving[row] and end > stamps[row]}
-        self.undetermined += max([0, *(round(ends[row]) - self._last_stamp
-                                       for row in alive if row not in until)])
+        ends = {row: round(min(now, seen_at[row] + self._timeout)) for row in alive}
+        until = {row: end for row, end in ends.items() if end > stamps[row]}
         left = dict.fromkeys(row for row in until if seen_at[row] + self._timeout > now)
         self._emit(self, Step([stay(last, until)] if until else [], None,
                               [last.names[row] for row in alive if row not in left],
@@ -192,42 +201,52 @@ class SetTracker(Tracker):
         self._last = last.at([now if row in left else stamp for row, stamp in enumerate(stamps)])
         self._last_stamp = now
 
-    def _close(self) -> None:
-        """End the set that is being received, and match the bodies of the one before to it."""
+    def _close(self, is_whole: bool = True, held: int = 0) -> None:
+        """
+        End the set that is being received, and match the bodies of the one before to it.
+
+        Those without a match stand until before its end, or until `held` if that is later.
+        """
         if not self._listing:
             return
         self._listing = 0
         seen = self._take_set()
         stamp = seen.begin or self._start
+        end = max(stamp, seen.end)
         last, last_seen = self._last, self._seen
         motions: list[LinearMotion] = []
-        until: dict[int, int] = {}
         is_in_block = False
         if last is not None and last_seen is not None:
             is_in_block = seen.follows(last)
             if not is_in_block:
                 motions = self._follow(last, seen)
             found = seen.followed if is_in_block else sum(map(len, motions))
-            is_lost = found < len(last)
-            if is_lost:
+            lost: set[int] = set()
+            if found < len(last):
                 if is_in_block:
                     motions = motion_in_block(last, seen)
                 lost = {*self._alive}.difference(*(motion.rows.tolist() for motion in motions))
-                moving = last.moving
-                # Bodies that timed out before this set stood until then.
-                for row in sorted(lost):
-                    end = int(last_seen.stamps[row]) + self._timeout
-                    if not moving[row] and last.stamps[row] < end < stamp:
-                        until[row] = round(end)
-                if until:
-                    motions.append(stay(last, until))
-                is_lost = len(until) < len(lost)
-            if found < len(seen) or is_lost:
-                self.undetermined += min(max(stamp - self._last_stamp, 0), self._longest)
-        self._emit(self, Step(motions, seen, None, max(stamp, seen.end, *until.values()),
-                              last if is_in_block and not until else None))
-        self._last, self._seen, self._last_stamp = seen, seen, stamp
+                self._hold(last, last_seen, sorted(lost), max(end - 1, held))
+            gap = stamp - (last_seen.end or self._since)
+            # Bodies that are new may be those that are lost; what rested may have moved before.
+            if not (is_whole and self._is_whole) or lost and found < len(seen) or (
+                    gap > self._timeout or gap > self._longest
+                    and any(motion.moved.any() for motion in motions)):
+                self._miss(self._since, end)
+        self._emit(self, Step(motions, seen, None, end, last if is_in_block else None))
+        # Before the first one nothing is known.
+        self._is_whole = is_whole or last is None
+        self._last, self._seen = seen, seen
+        self._since = self._last_stamp = stamp
         self._alive = range(len(seen))
+
+    def _hold(self, last: Bodies, seen: Bodies, rows: Sequence[int], until: int) -> None:
+        """Let bodies of the last set stand until a time or their timeout, and then be gone."""
+        ends = {row: round(min(until, seen.stamps[row] + self._timeout)) for row in rows}
+        standing = {row: end for row, end in ends.items() if end > last.stamps[row]}
+        if standing:
+            self._emit(self, Step([stay(last, standing)], None,
+                                  [last.names[row] for row in standing], max(standing.values())))
 
     def _take_set(self) -> Bodies:
         """Return the received set; of identical bodies the last message counts."""
@@ -248,7 +267,7 @@ class SetTracker(Tracker):
 
     def _set(self, placements: Sequence[Placement], block: Block, number: int = 0) -> Bodies:
         bodies = self._bodies(self._names, placements, block, number)
-        self._names += [ObstacleId(self._source, k) for k in range(len(self._names), len(bodies))]
+        self._names += [ObstacleId(self.name, k) for k in range(len(self._names), len(bodies))]
         return bodies
 
     def _follow(self, last: Bodies, seen: Bodies) -> list[LinearMotion]:
@@ -280,18 +299,22 @@ class KeyTracker(Tracker):
 
     def __init__(self, settings: ObstacleSettings, max_vertices: int, emit: Emit) -> None:
         super().__init__(settings, max_vertices, emit)
-        # The bodies that are there, those that have stood for longest first.
+        # The bodies that are there, those that were received longest ago first.
         self._seen: dict[ObstacleId, _Sighting] = {}
         # The group of bodies that is being received.
         self._pending: dict[ObstacleId, Placement] = {}
         self._shapes: dict[tuple[bytes, object], ObstacleId] = {}
         self._numbers = count(1)
         self._first_stamp = self._rested = self._now = 0
+        # The stamps of all messages of that group, and the last one before it.
+        self._times: list[int] = []
+        self._heard: int | None = None
         # Listing and stamp of the last message, if it has no listing the place among those of its
         # stamp; and the last whole listing.
         self._listing = self._stamp = self._place = self._whole = 0
-        # The last stamp of the group before.
-        self._closed_at: int | None = None
+        # When shapes were sent that had not been there before.
+        self._appeared: list[int] = []
+        self._is_first = True
 
     def place(self, placement: Placement, described: Described | None = None) -> None:
         if self._timeout == NEVER:
@@ -303,6 +326,8 @@ class KeyTracker(Tracker):
         # The stamp of an empty polygon after others means nothing.
         if placement.listing != self._listing or not placement.is_empty:
             self._listing, self._stamp = placement.listing, placement.stamp
+        if placement.is_empty:
+            self._times.append(placement.stamp)
         for one in () if placement.is_empty else placement.each():
             name = self._name(one)
             self._place += 1
@@ -312,6 +337,7 @@ class KeyTracker(Tracker):
             if not self._pending:
                 self._first_stamp = one.stamp
             self._pending[name] = one
+            self._times.append(one.stamp)
         if placement.last_whole > self._whole:
             self._whole = placement.last_whole
             self._close()
@@ -327,6 +353,7 @@ class KeyTracker(Tracker):
         self._now = now
         if is_over or now > min(self._rested, self._first_stamp) + self._longest:
             self._close()
+        now = min([now, *self._times])
         if is_over or now > self._rested + self._longest:
             self._rested = now
             self._stand(now, 0 if is_over else self._longest, is_over)
@@ -334,39 +361,45 @@ class KeyTracker(Tracker):
     def _name(self, placement: Placement) -> ObstacleId:
         """Return the name of a body: its id, else the place where its shape was sent first."""
         if placement.instance:
-            return ObstacleId(self._source, placement.instance)
+            return ObstacleId(self.name, placement.instance)
         key = placement.shape, placement.affine
         if key not in self._shapes:
             if len(self._shapes) > 2 * len(self._seen) + len(self._pending) + _MAX_FORGOTTEN:
                 self._shapes = {key: name for key, name in self._shapes.items()
                                 if name in self._seen or name in self._pending}
-            self._shapes[key] = ObstacleId(self._source, self._place, next(self._numbers))
+            self._shapes[key] = ObstacleId(self.name, self._place, next(self._numbers))
         return self._shapes[key]
 
     def _stand(self, now: int, least: int, is_over: bool = False,
-               replaced: Set[ObstacleId] = frozenset()) -> None:
+               replaced: Set[ObstacleId] = frozenset(), times: Sequence[int] = ()) -> None:
         """
-        Extend bodies known until over `least` ns ago, standing still until now or timeout.
+        Extend bodies known until over `least` ns ago, standing still until now or they are gone.
 
-        Those that are replaced are extended, too, and then forgotten.
+        They are gone where they are replaced, or a message is stamped a timeout after them; the
+        stamps of those since the last call are given in order.
         """
         standing: defaultdict[int, dict[int, int]] = defaultdict(dict)
         found: dict[int, Bodies] = {}
         gone = []
         items = self._seen.items()
-        for name, (bodies, row, _, seen_at, stamp) in list(items) if replaced or is_over else [
-                *takewhile(lambda item: item[1].stamp < now - least, items)]:
-            is_replaced = name in replaced
-            if stamp >= now - least and not is_replaced:
+        old = takewhile(lambda item: item[1].seen_at < now - least, items)
+        for name, (bodies, row, listing, seen_at, stamp) in list(
+                items if replaced or is_over else old):
+            over, is_forgotten = self._end_of(seen_at, times)
+            is_forgotten = is_forgotten or over < now or name in replaced
+            again = self._pending.get(name)
+            if stamp >= now - least and not is_forgotten or (
+                    again and again.stamp <= seen_at + self._timeout):
                 continue
-            end = round(min(now, seen_at + self._timeout))
-            is_forgotten = is_replaced or seen_at + self._timeout < now
-            if not bodies.moving[row]:
-                if end > stamp:
-                    found[id(bodies)] = bodies
-                    standing[id(bodies)][row] = end
-            elif is_over or is_forgotten:
-                self.undetermined += max(end - stamp, 0)
+            end = round(min(now, over))
+            if end > stamp:
+                found[id(bodies)] = bodies
+                standing[id(bodies)][row] = end
+            if name.number and not listing and (is_forgotten or is_over):
+                # The first new one since may be the same, elsewhere.
+                k = bisect_right(self._appeared, seen_at)
+                if k < len(self._appeared):
+                    self._miss(seen_at, self._appeared[k])
             if is_forgotten:
                 gone.append(name)
                 del self._seen[name]
@@ -380,38 +413,56 @@ class KeyTracker(Tracker):
             for row, end in until.items():
                 name = rested.names[row]
                 if name in self._seen:
-                    self._seen[name] = self._seen.pop(name)._replace(bodies=rested, stamp=end)
+                    self._seen[name] = self._seen[name]._replace(bodies=rested, stamp=end)
+
+    def _end_of(self, seen_at: int, times: Sequence[int]) -> tuple[float, bool]:
+        """Return until when a body is there by later messages, and whether one shows its end."""
+        k = bisect_right(times, seen_at + self._timeout)
+        silent = max(seen_at, times[k - 1] if k else self._heard or 0) + self._timeout
+        return (min(times[k], silent), True) if k < len(times) else (silent, False)
 
     def _close(self) -> None:
         """End the group that is being received, and match its bodies to where they were last."""
+        times, self._times = sorted(self._times), []
+        if times:
+            self._stand(times[-1], self._longest, times=times)
+            before = times[0] if self._heard is None else self._heard
+            for earlier, later in pairwise([before, *times]):
+                if later > earlier + self._timeout:
+                    self._miss(earlier, later)
+            self._heard = max(before, times[-1])
         pending = {name: one for name, one in self._pending.items() if self._is_usable(one)}
         self._pending = {}
         if not pending:
             return
         placements = [*pending.values()]
         seen = self._bodies([*pending], placements, Block([placements]))
-        self._stand(seen.begin, self._longest)
         followed: defaultdict[int, list[tuple[int, int]]] = defaultdict(list)
+        standing: defaultdict[int, dict[int, int]] = defaultdict(dict)
         found: dict[int, Bodies] = {}
-        undetermined = 0
         for row, (name, one, stamp) in enumerate(
                 zip(seen.names, placements, seen.stamps.tolist())):
             last = self._seen.pop(name, None)
             if last is not None:
-                passed = stamp - last.stamp
-                if 0 < passed <= self._longest and (
+                found[id(last.bodies)] = last.bodies
+                if 0 < stamp - last.seen_at <= self._longest and (
                         last.bodies.rings[last.row, COUNT] == seen.rings[row, COUNT]):
-                    found[id(last.bodies)] = last.bodies
                     followed[id(last.bodies)].append((last.row, row))
                 else:
-                    undetermined = max(undetermined, min(passed, self._longest))
-            elif name.number and not one.listing and self._closed_at is not None:
-                # It may be one that has moved.
-                undetermined = max(undetermined, min(stamp - self._closed_at, self._longest))
+                    over = round(min(stamp, last.seen_at + self._timeout))
+                    if last.stamp < over:
+                        standing[id(last.bodies)][last.row] = over
+                    if last.seen_at < stamp and not np.array_equal(
+                            last.bodies.ring(last.row), seen.ring(row)):
+                        self._miss(last.seen_at, stamp)
+            elif name.number and not one.listing and not self._is_first:
+                insort(self._appeared, stamp)
             self._seen[name] = _Sighting(seen, row, one.listing, stamp, stamp)
-        self.undetermined += undetermined
-        self._closed_at = seen.end
-        motions = []
+        self._is_first = False
+        if self._appeared and self._timeout < NEVER:
+            # Of no use for bodies that are still there.
+            del self._appeared[:bisect_right(self._appeared, seen.begin - 3 * self._timeout)]
+        motions = [stay(found[key], until) for key, until in standing.items()]
         for key, pairs in followed.items():
             rows, next_rows = np.array(pairs, np.int64).T
             motions.append(motion_between(found[key], seen, np.ascontiguousarray(rows),

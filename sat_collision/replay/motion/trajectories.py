@@ -21,7 +21,7 @@ from sat_collision.geometry.packer import vertices_of
 from sat_collision.geometry.polygon import Affine2D, Points, Polygon, PolygonError
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.replay.motion.bodies import (
-    Block, Bodies, Floats, LinearMotion, LONGEST, motion_between)
+    Block, Bodies, Floats, Interval, LinearMotion, LONGEST, motion_between)
 from sat_collision.replay.motion.kernels import COUNT
 from sat_collision.replay.motion.nearness import around
 from sat_collision.scene.frames import NoTransform
@@ -72,8 +72,8 @@ class Trajectory:
         self.block: Block | None = None
         # The stamp of the last sample.
         self.latest: int | None = None
-        # For how long the motion is not known though the footprint was there.
-        self.undetermined = 0
+        # The times in which the motion is known, those that meet as one.
+        self.known: list[Interval] = []
         self._pieces: list[Piece] = []
         self._starts: list[int] = []
         self._last: tuple[int, Bodies] | None = None
@@ -94,18 +94,11 @@ class Trajectory:
                 last.rings[0, COUNT] == sample.rings[0, COUNT]):
             self._append(Piece(last, sample))
         else:
-            self.undetermined += round(min(time - begin, self.longest))
             self._append(Piece(sample, sample))
 
     def lose(self) -> None:
         """Reset the pose: it is unknown until the next sample."""
         self._last = None
-
-    def lose_piece(self, until: int) -> None:
-        """Reset the pose, and count it as undetermined from the last sample to the next."""
-        if self._last is not None:
-            self.undetermined += until - self._last[0]
-        self.lose()
 
     def begin_of_piece(self, until: int) -> int | None:
         """Return when the piece that leads to a sample at a time begins, None if none does."""
@@ -207,6 +200,10 @@ class Trajectory:
             self._outlines.clear()
         self._pieces.append(piece)
         self._starts.append(piece.begin)
+        begin = piece.begin
+        if self.known and self.known[-1][1] == begin:
+            begin, _ = self.known.pop()
+        self.known.append((begin, piece.end))
 
 
 # The most that a vertex may be off the line that approximates its motion, in m, as in the sweep.

@@ -30,9 +30,9 @@ from xml.etree import ElementTree
 
 from sat_collision.replay.model.result import FootprintResult, Options, overall, Result
 from sat_collision.replay.output.text import (
-    how_found, how_soon, how_undetermined, lasting, plan_failures, report, summary)
+    how_found, how_soon, lasting, plan_failures, report, summary)
 
-SCHEMA = 'sat_collision.replay/4'
+SCHEMA = 'sat_collision.replay/5'
 _COLUMNS = ('bag', 'kind', 'footprint', 'obstacle', 'first_ns', 'last_ns', 'duration_s', 'depth_m',
             'deepest_ns', 'x_m', 'y_m', 'reason', 'found', 'normal_x', 'normal_y', 'point_x_m',
             'point_y_m', 'second_point_x_m', 'second_point_y_m', 'time_to_collision_s', 'pose',
@@ -69,7 +69,7 @@ def write_json(results: list[Result], path: str) -> None:
 
 
 def write_csv(results: list[Result], path: str) -> None:
-    """Write a row for each contact, unknown interval, time to collision and plan in contact."""
+    """Write a row for each contact, unknown or undetermined time, prediction and plan."""
     with open(path, 'w', encoding='utf-8', errors='backslashreplace', newline='') as file:
         writer = csv.DictWriter(file, _COLUMNS)
         writer.writeheader()
@@ -84,9 +84,10 @@ def _rows(result: Result) -> Iterator[tuple[Any, ...]]:
                contact.last, (contact.last - contact.first) / 1e9, contact.depth,
                contact.deepest, contact.x, contact.y, '', contact.found, *contact.normal,
                *chain.from_iterable(contact.points))
-    for unknown in result.unknown:
-        yield (result.bag, 'unknown', unknown.footprint, '', unknown.first, unknown.last,
-               (unknown.last - unknown.first) / 1e9, '', '', '', '', '; '.join(unknown.reasons))
+    for kind, intervals in (('unknown', result.unknown), ('undetermined', result.undetermined)):
+        for one in intervals:
+            yield (result.bag, kind, one.footprint, '', one.first, one.last,
+                   (one.last - one.first) / 1e9, '', '', '', '', '; '.join(one.reasons))
     for footprint in result.footprints:
         for time, seconds in footprint.time_to_collision:
             if seconds is not None:
@@ -104,8 +105,6 @@ def write_junit(results: list[Result], path: str) -> None:
     for result in results:
         cases = [('recording', 'error', result.problems or (
             [] if result.footprints else ['nothing to check']))]
-        cases += [(f'motion of {source.name}', 'failure', [how_undetermined(source)])
-                  for source in result.too_undetermined]
         cases += [(f'messages of {source.name}', 'failure', [*source.examples.values()])
                   for source in result.sources if source.refused]
         cases += [(f'plans of {footprint.name}', 'failure', plan_failures(footprint, result))
@@ -159,6 +158,10 @@ def _failures(footprint: FootprintResult, result: Result) -> Iterator[str]:
         yield how_soon(footprint, result)
     if footprint in result.too_unknown:
         yield f'unknown for {footprint.unknown / 1e9:.3f} s'
+    if footprint in result.too_undetermined:
+        yield (f'undetermined for {result.undetermined_of(footprint) / 1e9:.3f} s, in which it is '
+               'not known how something moved; --max-undetermined is '
+               f'{result.options.max_undetermined:g} s')
 
 
 def _bag(result: Result) -> _Values:
@@ -240,8 +243,8 @@ def _compared_part(bag: _Values) -> BaselineBag:
         'sources': {one['name']: _without(one, {'examples'}) for one in bag['sources']},
         'contacts': _numbered([_without(one, _MANIFOLD) for one in bag['contacts']],
                               'footprint', 'obstacle'),
-        'plan_contacts': _numbered(bag['plan_contacts'], 'footprint'),
-        'unknown': _numbered(bag['unknown'], 'footprint')})
+        **{key: _numbered(bag[key], 'footprint')
+           for key in ('plan_contacts', 'unknown', 'undetermined')}})
 
 
 def _without(values: _Values, keys: set[str]) -> _Values:

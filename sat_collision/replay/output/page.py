@@ -17,13 +17,13 @@ from html import escape
 from importlib.resources import files
 import json
 from math import inf
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from sat_collision.replay.model.keyframes import Floats, Keyframes, ShownBody
 from sat_collision.replay.model.result import (
     Contact, deepest_contacts, joined, least_of_all, MAX_CONTACTS, overall, PlanContact, Result,
-    Sample, SEVERITY)
+    Sample, SEVERITY, Unknown)
 from sat_collision.replay.output.text import (
     CLOCKS, colours, contact_row, CONTACTS, distance, footprint_row, FOOTPRINTS, lanes_of, lasting,
     name_of, plan_contact_row, PLAN_CONTACTS, plan_rows, PLANS, SOONEST, soonest_rows, UNKNOWN,
@@ -42,6 +42,8 @@ _FEWEST_MOMENTS = 24
 _MAX_PLACES = 200
 # Characters: two numbers of two digits, and commas.
 _LEAST_OF_VERTEX = 6
+# Title, note, head and rows.
+_Table: TypeAlias = tuple[str, str, tuple[str, ...], Sequence[Sequence[str]]]
 
 
 def write_page(results: list[Result], path: str) -> None:
@@ -154,8 +156,8 @@ def _curve(result: Result, samples: list[Sample], limit: int) -> list[tuple[floa
 
 
 def _unknown_of(result: Result, name: str) -> list[tuple[float, float, str]]:
-    """Return when a footprint is unknown, in s, and why; very many times are joined."""
-    found = [one for one in result.unknown if one.footprint == name]
+    """Return when a footprint is unknown or undetermined, in s, and why; many are joined."""
+    found = [one for one in (*result.unknown, *result.undetermined) if one.footprint == name]
     if len(found) <= _MAX_ROWS:
         return [(result.since(one.first), result.since(one.last), '; '.join(one.reasons))
                 for one in found]
@@ -246,38 +248,38 @@ def _facts_of(result: Result, moments: list[int], left_out: int) -> list[str]:
     return [*facts, result.bag]
 
 
-def _unknown_rows(result: Result) -> list[tuple[int, int, str, list[str]]]:
-    """Return (first, last, reason, names of footprints) of unknown times, the longest first."""
+def _intervals(result: Result, title: str, intervals: list[Unknown]) -> _Table:
+    """Return a table of the longest times, one row for the footprints of each time and reason."""
     times: dict[tuple[str, str], list[tuple[int, int]]] = {}
-    for one in result.unknown:
+    for one in intervals:
         for reason in one.reasons:
             times.setdefault((one.footprint, reason), []).append((one.first, one.last))
     names: dict[tuple[int, int, str], list[str]] = {}
     for (name, reason), found in times.items():
         for first, last in joined(found, 0):
             names.setdefault((first, last, reason), []).append(name)
-    return sorted(((*key, own) for key, own in names.items()), key=lambda row: row[0] - row[1])
+    longest = sorted(names.items(), key=lambda item: item[0][0] - item[0][1])[:_MAX_ROWS]
+    return (title, f'the {_MAX_ROWS} longest of {len(names)}' if len(names) > _MAX_ROWS else '',
+            UNKNOWN, [(', '.join(own), f'{result.since(first):.3f}', lasting(last - first), reason)
+                      for (first, last, reason), own in sorted(longest)])
 
 
 def _tables_of(result: Result, contacts: list[Contact]) -> list[dict[str, Any]]:
     """Return the tables of a result; in that of contacts each row is one of those given."""
     more = len(result.contacts) - len(contacts)
     deepest = f'the {MAX_CONTACTS} deepest; {more} more are in what --csv and --json write'
-    unknown = _unknown_rows(result)
     sample = '' if result.options.as_live else (
         'found at a sample: at the stamp of a message; else in the motion between two messages')
     plans = result.plan_contacts
     first = f'the first {_MAX_ROWS} of {len(plans)}' if len(plans) > _MAX_ROWS else ''
-    hidden = f'the {_MAX_ROWS} longest of {len(unknown)}'
-    tables: list[tuple[str, str, tuple[str, ...], Sequence[Sequence[str]]]] = [
+    tables: list[_Table] = [
         ('Contacts', '; '.join(filter(None, (deepest if more else '', sample))), CONTACTS,
          [contact_row(contact, result) for contact in contacts]),
         ('Plans in contact', first, PLAN_CONTACTS,
          [plan_contact_row(one, result) for one in plans[:_MAX_ROWS]]),
         ('Plans', '', PLANS, plan_rows(result)),
-        ('Unknown', hidden if len(unknown) > _MAX_ROWS else '', UNKNOWN,
-         [(', '.join(names), f'{result.since(first):.3f}', lasting(last - first), reason)
-          for first, last, reason, names in sorted(unknown[:_MAX_ROWS])]),
+        *(_intervals(result, title, intervals) for title, intervals in (
+            ('Unknown', result.unknown), ('Undetermined', result.undetermined))),
         ('Footprints', '', (*FOOTPRINTS, 'topic'),
          [(*footprint_row(one, result), one.topic) for one in result.footprints]),
         ('Least time to collision', '', SOONEST, soonest_rows(result)),

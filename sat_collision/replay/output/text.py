@@ -21,13 +21,13 @@ from typing import Any, NamedTuple, TextIO
 
 from sat_collision.replay.model.result import (
     BETWEEN_SAMPLES, Contact, deepest_contacts, FootprintResult, joined, overall, PlanContact,
-    Result, SourceResult, Unknown, Verdict)
+    Result, Unknown, Verdict)
 
 _MAX_ROWS = 20
 _MAX_WORST = 5
 _MOMENT = 500_000
 FOOTPRINTS = ('footprint', 'known', 'clear [s]', 'collision [s]', 'unknown [s]',
-              'least separation')
+              'undetermined [s]', 'least separation')
 CONTACTS = ('footprint', 'obstacle', 'first [s]', 'duration [s]', 'depth [m]', 'x [m]', 'y [m]',
             'found')
 UNKNOWN = 'footprint', 'first [s]', 'duration [s]', 'reason'
@@ -112,8 +112,6 @@ def report(result: Result) -> list[str]:
                       f'    the first one: {source.examples[reason]}']
     lines += [f'  {source.name}: {source.lost} messages lost when it was recorded'
               for source in result.sources if source.lost]
-    lines += [f'  {source.name}: {how_undetermined(source)}' for source in result.sources
-              if source.undetermined]
     lines += [f'  {footprint.name}: {how_soon(footprint, result)}'
               for footprint in result.too_soon]
     lines += _table(FOOTPRINTS, [footprint_row(footprint, result)
@@ -124,16 +122,10 @@ def report(result: Result) -> list[str]:
                     'plans in contact')
     lines += _table(CONTACTS, [contact_row(contact, result) for contact in result.contacts],
                     'contacts')
-    lines += _table(
-        UNKNOWN, [unknown_row(one, '; '.join(one.reasons), result) for one in result.unknown
-                  if one.last - one.first >= _MOMENT], 'unknown')
+    for what, intervals in (('unknown', result.unknown), ('undetermined', result.undetermined)):
+        lines += _table(UNKNOWN, [unknown_row(one, '; '.join(one.reasons), result)
+                                  for one in intervals if one.last - one.first >= _MOMENT], what)
     return lines
-
-
-def how_undetermined(source: SourceResult) -> str:
-    """Return for how long the motion of a footprint or source is undetermined."""
-    return (f'for {source.undetermined / 1e9:.3f} s it is not known how something moved; only its '
-            'samples were decided')
 
 
 def how_soon(footprint: FootprintResult, result: Result) -> str:
@@ -151,7 +143,8 @@ def footprint_row(footprint: FootprintResult, result: Result) -> tuple[str, ...]
         footprint.name + ('' if footprint.enabled else ' (disabled)'),
         '' if footprint.coverage is None else f'{100 * footprint.coverage:.2f} %',
         *(f'{time / 1e9:.3f}'
-          for time in (footprint.clear, footprint.collision, footprint.unknown)),
+          for time in (footprint.clear, footprint.collision, footprint.unknown,
+                       footprint.undetermined)),
         'none known' if least is None else
         f'{least.separation:.4g} m from {least.obstacle} at {result.since(least.time):.3f} s')
 
@@ -336,8 +329,8 @@ def lanes_of(result: Result) -> list[Lane]:
 
 
 def unknown_times(result: Result, name: str) -> list[tuple[float, float]]:
-    """Return when a footprint is unknown for any reason, in s."""
-    found = [(result.since(one.first), result.since(one.last)) for one in result.unknown
-             if one.footprint == name]
+    """Return when a footprint is unknown or undetermined for any reason, in s."""
+    found = [(result.since(one.first), result.since(one.last))
+             for one in (*result.unknown, *result.undetermined) if one.footprint == name]
     # Gaps between very many are too short to be seen.
     return joined(found, result.duration / _MANY if len(found) > _MANY else 0.0)

@@ -24,7 +24,7 @@ def placement(stamp, points):
     array = np.zeros((len(points), 3), np.float32)
     array[:, :2] = np.reshape(points, (-1, 2))
     return Placement('lidar', stamp * PERIOD, 'map', (array.tobytes(), 0, len(points), TRIPLE),
-                     None, None, listing=stamp)
+                     None, None, listing=stamp, last_whole=stamp - 1)
 
 
 def random_set(rng, count, extent):
@@ -60,23 +60,27 @@ def expected_pairs(before, after):
 
 @pytest.mark.parametrize('extent', [2, 5, 30])
 def test_bodies_are_matched_with_their_mutual_nearest(extent):
-    """Dense and sparse sets; the time without a match is counted."""
+    """Dense and sparse sets; time counts where bodies of both sets have no match."""
     rng = np.random.default_rng(extent)
     steps = []
     tracker = SetTracker(ObstacleSettings('lidar', '/lidar'), 256,
                          lambda tracker, step: steps.append(step))
     sets = [random_set(rng, rng.integers(0, 12), extent) for _ in range(300)]
-    # The beginning of one more set ends the last one.
+    # The beginning of one more set ends the last one, which is whole then.
     for number, rings in enumerate([*sets, []], 1):
         for points in [*rings, ()]:
             tracker.place(placement(number, points))
+    held = [step for step in steps if step.seen is None]
+    steps = [step for step in steps if step.seen is not None]
     assert len(steps) == len(sets)
+    assert sum(map(len, (step.gone for step in held))) == sum(
+        len(before) - len(expected_pairs(before, after)) for before, after in zip(sets, sets[1:]))
     undetermined = followed = 0
     for before, after, step in zip(sets, sets[1:], steps[1:]):
         pairs = expected_pairs(before, after)
         assert {pair for motion in step.motions
                 for pair in zip(motion.rows, motion.next_rows)} == pairs
-        undetermined += PERIOD * (max(len(before), len(after)) > len(pairs))
+        undetermined += PERIOD * (min(len(before), len(after)) > len(pairs))
         followed += len(pairs)
-    assert tracker.undetermined == undetermined
+    assert sum(last - first for first, last in tracker.undetermined) == undetermined
     assert followed > 300

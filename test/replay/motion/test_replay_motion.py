@@ -168,12 +168,19 @@ def test_obstacles_are_matched_in_any_order(tmp_path):
 
 
 def test_changed_number_of_vertices_is_undetermined_motion(tmp_path):
-    """The result says for how long."""
+    """The result says when, and is clear only where that is allowed."""
     messages = samples([0] * 10) + samples([-5] * 5, '/obstacles')
     messages += [('/obstacles', k / 10, box(5)[:3]) for k in range(5, 10)]
     result = run(tmp_path, messages)
-    assert result.verdict is Verdict.CLEAR
+    assert result.verdict is Verdict.UNKNOWN and result.contacts == []
     assert [source.undetermined for source in result.sources] == [0, SECOND // 10]
+    one, = result.undetermined
+    assert since(result, one.first, one.last) == pytest.approx([0.4, 0.5])
+    assert one.reasons == [f'it is not known how something of {SOURCE} moved']
+    footprint, = result.footprints
+    assert footprint.undetermined == SECOND // 10
+    assert footprint.clear + footprint.unknown + footprint.undetermined == (
+        result.end - result.start)
     for limit, verdict in ((0.1, Verdict.CLEAR), (0.099, Verdict.UNKNOWN)):
         result.options = Options(max_undetermined=limit)
         assert result.verdict is verdict
@@ -425,13 +432,48 @@ def test_times_count_from_the_beginning_of_the_recording(tmp_path, capsys, clock
     assert f'{SOURCE}/0 at 6.000 s' in capsys.readouterr().out
 
 
-def test_moving_obstacle_is_undetermined_after_its_last_message(tmp_path):
-    """The robot passes where it was last seen."""
+def test_obstacle_is_held_after_its_last_message(tmp_path):
+    """The robot reaches where a moving one was last seen, within its timeout."""
     messages = samples(range(30)) + samples([x + 1.5 for x in range(20)], '/obstacles')
     result = run(tmp_path, messages)
-    assert result.contacts == []
-    assert result.sources[1].undetermined > SECOND // 2
+    contact, = result.contacts
+    assert since(result, contact.first, contact.last) == pytest.approx([1.95, 2.15])
     assert run_again(tmp_path, as_live=True).verdict is Verdict.COLLISION
+
+
+def test_obstacle_is_held_until_the_set_without_it(tmp_path):
+    """The robot is where it was for a moment between two sets, as the flag says."""
+    messages = samples([0.0] * 9 + [2.5] + [0.0] * 20) + [
+        message for k in range(4) for message in [
+            ('/obstacles', 0.6 * k, box(9.0)),
+            *([('/obstacles', 0.6 * k, box(3.0))] if k < 2 else []), ('/obstacles', 0.6 * k, [])]]
+    result = run(tmp_path, messages, MARKS, parameters={f'{SOURCE}.timeout': 1.0})
+    contact, = result.contacts
+    assert since(result, contact.first, contact.last) == pytest.approx([0.88, 0.92])
+    assert result.undetermined == []
+
+
+def test_curve_is_of_all_ids_however_they_are_sent(tmp_path):
+    """One at 2 m comes twice a second, another at 5 m ten times, for some time with it."""
+    messages = samples([0.0] * 40)
+    for k in range(40):
+        stamp = START + k * SECOND // 10
+        messages.append(('/tracks', k / 10, serialised(box(6.0), stamp, instance=1)))
+        if k % 5 == 0 or k < 10:
+            messages.append(('/tracks', k / 10, serialised(box(3.0), stamp, instance=2)))
+    result = run(tmp_path, messages, None, parameters={'tracks.timeout': 1.0})
+    footprint, = result.footprints
+    assert {value for _, value in footprint.separation if value is not None} == {2.0}
+    assert len(footprint.separation) > 35
+
+
+def test_time_after_the_last_footprint_is_undetermined(tmp_path):
+    """It is not clear, and does not fail the check as long as the footprint is not silent."""
+    result = run(tmp_path, samples([0.0] * 20) + samples([5.0] * 24, '/obstacles'))
+    footprint, = result.footprints
+    assert result.verdict is Verdict.CLEAR
+    assert footprint.undetermined == pytest.approx(0.4 * SECOND)
+    assert footprint.clear == footprint.last - result.start - footprint.unknown
 
 
 def test_ids_are_matched_when_they_cross(tmp_path):

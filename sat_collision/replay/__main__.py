@@ -57,13 +57,15 @@ def main(args: Sequence[str] | None = None) -> int:
 @contextlib.contextmanager
 def _insistent_interrupts() -> Iterator[None]:
     """
-    Raise an interrupt again and again until it has ended what is running.
+    Raise an interrupt, or SIGTERM, again and again until it has ended what is running.
 
     Interrupts that destructors swallow are not printed. From the first one on, until the process
     ends, neither are errors of objects that were left half made. A process that ignores
     interrupts, such as one in the background, still ignores them.
     """
-    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    numbers = [number for number in (signal.SIGINT, signal.SIGTERM)
+               if signal.getsignal(number) is not signal.SIG_IGN]
+    if not numbers:
         yield
         return
 
@@ -81,7 +83,7 @@ def _insistent_interrupts() -> Iterator[None]:
 
     report_before = sys.unraisablehook
     handlers = {number: signal.signal(number, interrupt)
-                for number in (signal.SIGINT, signal.SIGALRM)}
+                for number in (*numbers, signal.SIGALRM)}
     sys.unraisablehook = report
     try:
         yield

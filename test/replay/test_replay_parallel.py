@@ -14,6 +14,9 @@ from itertools import permutations
 import os
 from pathlib import Path
 import signal
+import subprocess
+import sys
+import time
 
 import pytest
 from recordings import check, declared, drive, main, MARKS, NAMES, published, STAMPS, write
@@ -108,6 +111,61 @@ def test_lost_worker_is_retried(bags, tmp_path, monkeypatch, cluster, fault):
     results = list(command.check_on_cluster(bags, OPTIONS, cluster))
     assert sorted(result.bag for result in results) == bags
     assert all(not result.problems for result in results)
+
+
+def test_cluster_without_workers_left_is_reported(bags, tmp_path, monkeypatch):
+    """Instead of waiting for ever: here its one worker dies, and nothing starts it again."""
+    distributed = pytest.importorskip('distributed')
+    monkeypatch.setattr(command, '_NO_WORKER', 2.0)
+    monkeypatch.setattr(command, 'check_one', functools.partial(
+        faulty, marks=str(tmp_path), fault=dies, forever=True))
+    with distributed.LocalCluster(n_workers=0, protocol='tcp', dashboard_address=None) as cluster:
+        worker = subprocess.Popen(
+            [sys.executable, '-m', 'distributed.cli.dask_worker', cluster.scheduler_address,
+             '--no-nanny', '--nthreads', '1', '--no-dashboard'],
+            env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)}, stderr=subprocess.PIPE)
+        results = {result.bag: result for result in command.check_on_cluster(
+            bags, OPTIONS, cluster.scheduler_address)}
+        worker.communicate()
+    assert sorted(results) == bags
+    assert 'the cluster has no worker left' in results[bags[3]].problems[0]
+
+
+def test_relative_paths_are_those_of_the_command(bags, cluster, tmp_path, monkeypatch, capsys):
+    """Workers are in another folder."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'bad.mcap').write_bytes(b'none')
+    given = [*(Path(bag).name for bag in bags), 'bad.mcap']
+    outs = []
+    for number, more in enumerate(([], ['--dask', cluster])):
+        assert main([*given, '--as-live', '--write-bag', f'out{number}', *more]) == 1
+        outs.append(capsys.readouterr().out)
+        assert {path.name for path in Path(f'out{number}').iterdir()} == {*given[:-1]}
+    assert outs[0] == outs[1] and 'bad.mcap: BAD INPUT' in outs[0] and str(tmp_path) not in outs[0]
+
+
+@pytest.mark.parametrize('jobs', ('1', '2'))
+@pytest.mark.parametrize('number', (signal.SIGINT, signal.SIGTERM))
+def test_signal_leaves_no_temporary_files(tmp_path, number, jobs):
+    """Whether it comes from the terminal, to all processes, or to the command only."""
+    temporary = tmp_path / 'temporary'
+    temporary.mkdir()
+    bags = [str(write(tmp_path / f'bag{k}', drive(600.0), 'sqlite3', 'file')) for k in range(2)]
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'sat_collision.replay', *bags * 3, '--jobs', jobs],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        env={**os.environ, 'TMPDIR': str(temporary)})
+    while len([*temporary.rglob('*.db3')]) < int(jobs):
+        assert process.poll() is None
+        time.sleep(0.01)
+    if number == signal.SIGINT:
+        os.killpg(process.pid, number)
+    else:
+        process.send_signal(number)
+    _, error = process.communicate(timeout=120)
+    assert process.returncode == 2 and error.endswith('replay_check: interrupted\n')
+    assert all(line.startswith('replay_check: ') for line in error.splitlines())
+    assert [*temporary.iterdir()] == []
 
 
 def test_command_on_jobs_and_cluster(cluster, capsys):

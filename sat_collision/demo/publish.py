@@ -16,6 +16,7 @@ polygon ends each set.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from itertools import count
 import math
 import sys
@@ -33,15 +34,16 @@ def main() -> int:
     try:
         from geometry_msgs.msg import Point32, PolygonStamped
         import rclpy
-        from rclpy.executors import ExternalShutdownException
+        from rclpy.signals import SignalHandlerOptions
     except ModuleNotFoundError as error:
         print(f'cannot publish: {missing(error)}', file=sys.stderr)
         return 1
-    rclpy.init()
+    # Signals end the loop themselves: rclpy would end the context under a publisher.
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node('robot_and_post')
     footprints, obstacles = (node.create_publisher(PolygonStamped, topic, 10)
                              for topic in ('footprint', 'obstacles'))
-    try:
+    with suppress(KeyboardInterrupt):
         for step in count():
             x = 0.5 - 0.5 * math.cos(step * _PERIOD)
             for publisher, outline, shift in ((footprints, _ROBOT, x), (obstacles, _POST, 0.0),
@@ -51,11 +53,8 @@ def main() -> int:
                 message.header.frame_id = 'map'
                 message.polygon.points = [Point32(x=a + shift, y=b) for a, b in outline]
                 publisher.publish(message)
-            rclpy.spin_once(node, timeout_sec=0.0)
             time.sleep(_PERIOD)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    rclpy.try_shutdown()
+    rclpy.shutdown()
     return 0
 
 

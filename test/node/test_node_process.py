@@ -109,11 +109,13 @@ def test_what_to_try_works(launch, run, peer):
     line = next(line for line in process.stdout if 'nothing is published yet' in line)
     python, *command = shlex.split(line.rpartition(': ')[2])
     assert python == sys.executable
-    publisher = run(*command)
-    for state in ('clear', 'collision', 'clear'):
-        peer.until(lambda: peer.state() == state, state)
-    publisher.send_signal(signal.SIGINT)
-    assert publisher.wait(60) == 0
+    for number, status in ((signal.SIGINT, 0), (signal.SIGTERM, -signal.SIGTERM)):
+        publisher = run(*command, stderr=subprocess.PIPE)
+        for state in ('clear', 'collision', 'clear'):
+            peer.until(lambda: peer.state() == state, state)
+        publisher.send_signal(number)
+        assert publisher.communicate(timeout=60)[1] == b''
+        assert publisher.returncode == status
 
 
 def test_nothing_to_try_is_named_where_something_is_published(launch, peer):

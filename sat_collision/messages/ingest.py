@@ -58,8 +58,7 @@ class Batch:
 
     def __init__(self, messages: Sequence[bytes], number: int | None = None) -> None:
         self.messages = messages
-        # Sequence number of the first message, None if unknown.
-        self.number = number
+        self.number = number  # the sequence number of the first one, None if unknown
         self.data = b''.join(messages)
         # Ends in the data of all messages but the last one: (m - 1,) array of int64.
         self.ends: Any = _NO_ENDS
@@ -123,16 +122,14 @@ class Ingest:
     def __init__(self, settings: Settings, scene: Scene, transforms: TransformListener | None,
                  placements: list[Placement] | None = None) -> None:
         self._placements = placements
-        # Number of refused messages, by (name, reason).
-        self.rejected: Counter[tuple[str, str]] = Counter()
+        self.rejected: Counter[tuple[str, str]] = Counter()  # messages, by (name, reason)
         self._scene = scene
         self._transforms = transforms
         self._fixed = settings.frame_id
         inputs: tuple[FootprintSettings | ObstacleSettings, ...] = (
             *settings.footprints, *settings.obstacles)
         self._decode = {one.name: _DECODERS[one.type] for one in inputs}
-        # The refused polygons of the last collection.
-        self._refused: list[tuple[int, PolygonError]] = []
+        self._refused: list[tuple[int, PolygonError]] = []  # polygons of the last collection
         self._packer = Packer(settings.max_vertices)
         # By source of a map: the frame of a message refused for lack of a transform.
         self.untransformed: dict[str, str] = {}

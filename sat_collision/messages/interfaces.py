@@ -31,23 +31,15 @@ try:
         return array('B', data)
 except ImportError:
     from sat_collision.messages.rosbags_interfaces import (
-        deserialize, message_class, octets, serialize)
-    Duration = message_class('builtin_interfaces/msg/Duration')
-    Time = message_class('builtin_interfaces/msg/Time')
-    DiagnosticArray = message_class('diagnostic_msgs/msg/DiagnosticArray')
-    DiagnosticStatus = message_class('diagnostic_msgs/msg/DiagnosticStatus')
-    KeyValue = message_class('diagnostic_msgs/msg/KeyValue')
-    Point = message_class('geometry_msgs/msg/Point')
-    Point32 = message_class('geometry_msgs/msg/Point32')
-    PolygonInstanceStamped = message_class('geometry_msgs/msg/PolygonInstanceStamped')
-    PolygonStamped = message_class('geometry_msgs/msg/PolygonStamped')
-    PointCloud2 = message_class('sensor_msgs/msg/PointCloud2')
-    PointField = message_class('sensor_msgs/msg/PointField')
-    Bool = message_class('std_msgs/msg/Bool')
-    ColorRGBA = message_class('std_msgs/msg/ColorRGBA')
-    Float64 = message_class('std_msgs/msg/Float64')
-    Marker = message_class('visualization_msgs/msg/Marker')
-    MarkerArray = message_class('visualization_msgs/msg/MarkerArray')
+        deserialize, message_classes, octets, serialize)
+    Duration, Time = message_classes('builtin_interfaces', 'Duration', 'Time')
+    DiagnosticArray, DiagnosticStatus, KeyValue = message_classes(
+        'diagnostic_msgs', 'DiagnosticArray', 'DiagnosticStatus', 'KeyValue')
+    Point, Point32, PolygonInstanceStamped, PolygonStamped = message_classes(
+        'geometry_msgs', 'Point', 'Point32', 'PolygonInstanceStamped', 'PolygonStamped')
+    PointCloud2, PointField = message_classes('sensor_msgs', 'PointCloud2', 'PointField')
+    Bool, ColorRGBA, Float64 = message_classes('std_msgs', 'Bool', 'ColorRGBA', 'Float64')
+    Marker, MarkerArray = message_classes('visualization_msgs', 'Marker', 'MarkerArray')
 
 __all__ = ['Bool', 'ColorRGBA', 'DiagnosticArray', 'DiagnosticStatus', 'Duration', 'Float64',
            'KeyValue', 'Marker', 'MarkerArray', 'Point', 'Point32', 'PointCloud2', 'PointField',

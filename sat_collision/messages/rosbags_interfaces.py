@@ -63,6 +63,11 @@ def message_class(name: str) -> type:
         **{constant: value for constant, _, value in constants}})
 
 
+def message_classes(package: str, *names: str) -> list[Any]:
+    """Return the classes of types of a package, such as Bool of std_msgs."""
+    return [message_class(f'{package}/msg/{name}') for name in names]
+
+
 def _default(description: Any) -> Any:
     """Return the default of a field, by rosbags' description of its type."""
     kind, detail = description

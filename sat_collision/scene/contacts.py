@@ -43,8 +43,7 @@ class Contacts:
     """
 
     def __init__(self, margin: float = 0.0) -> None:
-        # Footprints that have gained or lost a contact; emptied by the reader.
-        self.changed: set[Footprint] = set()
+        self.changed: set[Footprint] = set()  # whose contacts have; emptied by the reader
         self.margin = margin
         self._footprints: _Placed[Footprint] = _Placed()
         self._obstacles: _Placed[Obstacle] = _Placed()

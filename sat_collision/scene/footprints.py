@@ -30,11 +30,9 @@ class Status(enum.Enum):
 
 class State(NamedTuple):
     status: Status
-    # The obstacles in contact with it, sorted; empty unless in collision.
-    contacts: tuple[ObstacleId, ...]
+    contacts: tuple[ObstacleId, ...]  # sorted; empty unless in collision
     # Sentences: why the status is unknown or imminent, or what else is unknown beside a collision
-    # or a clear state.
-    # Without running figures, so that a state does not change merely because time passes.
+    # or a clear state. Without running figures: time alone must not change a state.
     reasons: tuple[str, ...]
     age: float | None  # seconds since the footprint's stamp; None if there is no valid footprint
 

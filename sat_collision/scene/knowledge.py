@@ -368,8 +368,7 @@ class Refreshed(Knowledge):
         self.by_id = KeyedGroup(store) if settings.type == POLYGON_INSTANCE else None
         # Obstacles without ids, by the end of the part of a timeout in which they are stamped.
         self._parts: dict[int, SetGroup] = {}
-        # When reception without a gap began, NEVER if it has not.
-        self._begun = NEVER
+        self._begun = NEVER  # when reception without a gap began, NEVER if it has not
         # How many obstacles came with each of the last stamps.
         self._gathered: deque[tuple[int, int]] = deque(maxlen=3)
 

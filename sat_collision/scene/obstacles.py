@@ -30,8 +30,7 @@ class Body(Generic[_Other]):
         # Its row in the set of placed bodies of its kind, None while it is nowhere; and that set.
         self.row: int | None = None
         self.placed: PackedSet | None = None
-        # The bodies of the other kind that share a point with it.
-        self.contacts: set[_Other] = set()
+        self.contacts: set[_Other] = set()  # bodies of the other kind within the margin
         self._polygon: Polygon | None = None
 
     @property
@@ -79,8 +78,7 @@ class Obstacle(Body[Body[Any]]):
         self.frame_id = ''
         self.refused: str | None = None
         self.sent: Any = None  # frame and points as sent, of a map in another frame
-        # Its last places, if the obstacles of its source move.
-        self.motion: MotionTracker | None = None
+        self.motion: MotionTracker | None = None  # its last places, if those of its source move
 
     @property
     def polygon(self) -> Polygon | None:

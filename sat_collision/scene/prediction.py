@@ -106,7 +106,8 @@ def predict(footprint: Footprint, contacts: Contacts, sources: Iterable[Source],
             continue
         ahead = (footprint.time - time) / 1e9
         # One that is left out is assumed to stand where it was seen: the way from there counts.
-        if _is_apart(bounds, motion, reach + motion.speed * (seconds + abs(ahead))):
+        speed = math.hypot(motion.vx, motion.vy)
+        if _is_apart(bounds, motion, reach + speed * (seconds + abs(ahead))):
             continue
         if course := _course(obstacle, motion, ahead):
             courses[obstacle] = course

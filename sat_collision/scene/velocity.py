@@ -87,10 +87,6 @@ class Translation(NamedTuple):
     y: float
     radius: float
 
-    @property
-    def speed(self) -> float:
-        return math.hypot(self.vx, self.vy)
-
 
 class Command(NamedTuple):
     """The last command of a footprint."""

@@ -68,7 +68,7 @@ def random_set(source, stamp, frame_id):
 @pytest.mark.parametrize('seed', range(60))
 def test_batches_give_the_same_as_single_messages(seed):
     """
-    With gaps in numbers, other frames, a margin, and sets split between batches.
+    With gaps in numbers or losses without numbers, other frames, a margin, and sets split between batches.
 
     What is known is the same if no contacts are decided.
     """
@@ -110,6 +110,9 @@ def test_batches_give_the_same_as_single_messages(seed):
         assert others == [answer] * 3
         for first, batch in batches:
             now += source.choice((0, 0, SECOND // 100))
+            if first is None and source.random() < 0.3:
+                for monitor in monitors:
+                    monitor.lose('lidar')
             rejections = together.receive_batch('lidar', batch, now, first)
             assert undecided.receive_batch('lidar', batch, now, first) == rejections
             rejected = []

@@ -169,12 +169,14 @@ def in_time_order(files: Iterable[Storage], topics: Collection[str], start: int 
         _, number, row, rows = heappop(heads)
         if row is None:
             rows = ordered[number].rows(topics, start, stop)
+        elif not heads:
+            yield row
+            yield from rows
+            return
         else:
             topic, times, messages = row
-            end = len(times)
-            if heads:
-                limit, other, *_ = heads[0]
-                end = (bisect_right if number < other else bisect_left)(times, limit)
+            limit, other, *_ = heads[0]
+            end = (bisect_right if number < other else bisect_left)(times, limit)
             yield topic, times[:end], messages[:end]
             if end < len(times):
                 heappush(heads, (times[end], number, (topic, times[end:], messages[end:]), rows))

@@ -68,8 +68,7 @@ def random_set(source, stamp, frame_id):
 @pytest.mark.parametrize('seed', range(60))
 def test_batches_give_the_same_as_single_messages(seed):
     """
-    With gaps in numbers, losses without numbers, other frames, a margin, and sets split between
-    batches.
+    With losses, by numbers or not, other frames, a margin, and sets split between batches.
 
     What is known is the same if no contacts are decided.
     """

@@ -31,6 +31,7 @@ import shapes
 _START = 1_700_000_000 * 10**9
 _KIND = 'geometry_msgs/msg/PolygonStamped'
 _TOPICS = '/footprint', '/obstacles'
+_PARAMETERS = {'obstacle.set_end': 'new_stamp'}
 
 
 def write(path, messages, per_set, storage):
@@ -69,8 +70,9 @@ def main():
             path = Path(folder, storage)
             write(path, options.messages, options.per_set, storage)
             tasks = {'iterate': iterate,
-                     'as live': lambda path: check(path, Options(as_live=True)).messages,
-                     'motion': lambda path: check(path).messages}
+                     **{name: lambda path, as_live=as_live: check(path, Options(
+                         _PARAMETERS, as_live=as_live)).messages
+                        for name, as_live in (('as live', True), ('motion', False))}}
             least = dict.fromkeys(tasks, float('inf'))
             for _ in range(options.runs):
                 for name, task in tasks.items():

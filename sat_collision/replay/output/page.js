@@ -101,7 +101,7 @@ function stateOf(footprint, k, time) {
       (one.deepest === time ? ` (${one.words})` : '')).join(', '), 'collision'];
   }
   const unknown = footprint.unknown.find(([first, last]) => first <= time && time < last);
-  if (unknown) return [`unknown: ${unknown[2]}`, 'unknown'];
+  if (unknown) return [unknown[2], 'unknown'];
   const value = separationAt(footprint, time);
   return value === null ? ['clear', ''] : [`clear, about ${value.toFixed(2)} m`, ''];
 }

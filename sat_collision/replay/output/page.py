@@ -157,12 +157,15 @@ def _curve(result: Result, samples: list[Sample], limit: int) -> list[tuple[floa
 
 def _unknown_of(result: Result, name: str) -> list[tuple[float, float, str]]:
     """Return when a footprint is unknown or undetermined, in s, and why; many are joined."""
-    found = [one for one in (*result.unknown, *result.undetermined) if one.footprint == name]
+    found = [(result.since(one.first), result.since(one.last),
+              f'{state}: {"; ".join(one.reasons)}')
+             for state, intervals in (('unknown', result.unknown),
+                                      ('undetermined', result.undetermined))
+             for one in intervals if one.footprint == name]
     if len(found) <= _MAX_ROWS:
-        return [(result.since(one.first), result.since(one.last), '; '.join(one.reasons))
-                for one in found]
-    return [(first, last, 'for several reasons, see the table')
-            for first, last in unknown_times(result, name)]
+        return found
+    return [(first, last, f'{state}: for several reasons, see the table')
+            for first, last, state in unknown_times(result, name)]
 
 
 def _contact(contact: Contact, result: Result, rows: dict[ShownBody, int],

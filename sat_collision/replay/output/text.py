@@ -288,7 +288,7 @@ def colours(result: Result) -> dict[str, str]:
 
 
 class Bar(NamedTuple):
-    """A contact, or a time (s since the recording begins) in which a footprint is unknown."""
+    """A contact, or a time (s since the recording begins) as unknown_times has them."""
 
     row: int  # from above, counted over all footprints
     first: float
@@ -313,8 +313,7 @@ def lanes_of(result: Result) -> list[Lane]:
     for footprint in result.footprints:
         bars = [*(Bar(0, result.since(one.first), result.since(one.last), one.obstacle, one)
                   for one in deepest_contacts(result) if one.footprint == footprint.name),
-                *(Bar(0, *interval, 'unknown', None)
-                  for interval in unknown_times(result, footprint.name))]
+                *(Bar(0, *interval, None) for interval in unknown_times(result, footprint.name))]
         rows: list[list[Bar]] = [[] for _ in range(_MAX_BAR_ROWS)]
         for bar in bars:
             # They overlap only where all rows are taken.
@@ -328,9 +327,13 @@ def lanes_of(result: Result) -> list[Lane]:
     return found
 
 
-def unknown_times(result: Result, name: str) -> list[tuple[float, float]]:
-    """Return when a footprint is unknown or undetermined for any reason, in s."""
-    found = [(result.since(one.first), result.since(one.last))
-             for one in (*result.unknown, *result.undetermined) if one.footprint == name]
-    # Gaps between very many are too short to be seen.
-    return joined(found, result.duration / _MANY if len(found) > _MANY else 0.0)
+def unknown_times(result: Result, name: str) -> list[tuple[float, float, str]]:
+    """Return when a footprint is unknown or undetermined for any reason, in s, and which."""
+    times = []
+    for state, intervals in (('unknown', result.unknown), ('undetermined', result.undetermined)):
+        found = [(result.since(one.first), result.since(one.last)) for one in intervals
+                 if one.footprint == name]
+        # Gaps between very many are too short to be seen.
+        gap = result.duration / _MANY if len(found) > _MANY else 0.0
+        times += [(first, last, state) for first, last in joined(found, gap)]
+    return times

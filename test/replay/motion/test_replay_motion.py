@@ -9,6 +9,8 @@
 
 """Contacts in recorded motion: between messages, at equal stamps, and undetermined motion."""
 
+from operator import itemgetter
+
 from builders import SECOND, serialised
 from published import load
 import pytest
@@ -451,6 +453,20 @@ def test_obstacle_is_held_until_the_set_without_it(tmp_path):
     contact, = result.contacts
     assert since(result, contact.first, contact.last) == pytest.approx([0.88, 0.92])
     assert result.undetermined == []
+
+
+@pytest.mark.parametrize('moves', [True, False])
+def test_polygon_that_may_have_moved_is_undetermined(tmp_path, moves):
+    """Of sets without a declared end: one goes and one comes, or one comes to the other."""
+    messages = samples([0.0] * 40) + samples([5.0] * (20 if moves else 40), '/obstacles')
+    messages += [('/obstacles', k / 10, box(-5.0)) for k in range(20, 40)]
+    result = run(tmp_path, sorted(messages, key=itemgetter(1)), None,
+                 parameters={f'{SOURCE}.timeout': 0.3, 'future_tolerance': 0.1})
+    assert result.contacts == []
+    found = [since(result, one.first, one.last) for one in result.undetermined
+             if one.reasons[0].endswith('obstacle moved')]
+    assert found == ([pytest.approx([1.9, 2.0])] if moves else [])
+    assert result.verdict is (Verdict.UNKNOWN if moves else Verdict.CLEAR)
 
 
 def test_curve_is_of_all_ids_however_they_are_sent(tmp_path):

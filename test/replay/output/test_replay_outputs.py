@@ -315,6 +315,7 @@ def test_overlapping_bars_have_their_own_rows(tmp_path):
     assert [row for _, row in bars] == [0, 1, 0]
     # In the third row is when it is not known which of them came or went.
     assert lane.end == 3
+    assert {bar.text for bar in lane.bars if bar.row == 2} == {'undetermined'}
 
 
 def test_short_contact_is_visible_on_a_long_axis():

@@ -183,14 +183,14 @@ class Recorded:
         return write(path, [message for *_, message in sorted(messages)],
                      types={'/tracks': INSTANCE})
 
-    def result(self, path, delays=(0, 0), as_live=False):
-        """Return what is found in it."""
+    def result(self, path, delays=(0, 0), **options):
+        """Return what is found in it, with some options."""
         name = 'tracks' if self.form == 'ids' else SOURCE
-        parameters = {'footprint.timeout': 0.5, f'{name}.timeout': 0.5}
+        parameters = {'footprint.timeout': 0.5, f'{name}.timeout': 0.5, 'future_tolerance': 0.1}
         set_end = self.form if self.form in (MARKS, STAMPS) else None
         if set_end:
             parameters[f'{name}.set_end'] = set_end
-        return check(self.written(path, delays), Options(parameters=parameters, as_live=as_live),
+        return check(self.written(path, delays), Options(parameters=parameters, **options),
                      set_end=None)
 
     def distances(self, time):
@@ -281,6 +281,26 @@ def test_samples_on_the_motion_change_nothing(tmp_path, form):
         found.append(recorded.result(tmp_path / f'{seed}b'))
         for one, other in zip(*(times_of(result.contacts) for result in found), strict=True):
             assert one == pytest.approx(other, abs=1000)
+
+
+@pytest.mark.parametrize('form', FORMS)
+def test_part_has_the_contacts_of_the_whole(tmp_path, form):
+    """A second is left out at the beginning and some at the end (I6)."""
+    compared = 0
+    for seed in range(12):
+        recorded = Recorded(seed, form)
+        whole = recorded.result(tmp_path / f'{seed}whole')
+        part = recorded.result(tmp_path / f'{seed}part', start=1.0, duration=2.0)
+        undecided = times_of([*part.unknown, *part.undetermined, *whole.undetermined])
+        rng = np.random.default_rng(seed)
+        for time in rng.integers(part.start - START, part.end - START, 50).tolist():
+            distances = recorded.distances(time)
+            if not is_in(undecided, time) and (
+                    not distances or abs(min(distances) - 1) > NEAR):
+                compared += 1
+                assert is_in(times_of(part.contacts), time) == (
+                    is_in(times_of(whole.contacts), time)), (seed, form, time)
+    assert compared > 20
 
 
 @pytest.mark.parametrize('form', [MARKS, 'ids', None])

@@ -178,7 +178,7 @@ class SetTracker(Tracker):
 
     def use_frame(self, frame_id: str) -> None:
         super().use_frame(frame_id)
-        if self._last is not None and self._last.frame_id != frame_id:
+        if self._last is not None and len(self._last) and self._last.frame_id != frame_id:
             self._last = None
 
     def rest(self, now: int, is_over: bool = False) -> None:

@@ -469,6 +469,18 @@ def test_polygon_that_may_have_moved_is_undetermined(tmp_path, moves):
     assert result.verdict is (Verdict.UNKNOWN if moves else Verdict.CLEAR)
 
 
+def test_id_is_linked_though_a_message_shortly_after_it_is_later_than_its_timeout(tmp_path):
+    """One passes the robot between two messages; another one comes 70 ms after the second."""
+    messages = samples([0.0] * 20) + [
+        ('/tracks', time, serialised(box(x), START + round(time * SECOND), instance=instance))
+        for time, x, instance in [(0.0, -5.0, 1), (0.0, 9.0, 2), (0.45, 5.0, 1), (0.52, 9.0, 2),
+                                  (0.9, 5.0, 1), (0.97, 9.0, 2)]]
+    result = run(tmp_path, sorted(messages, key=itemgetter(1)), None,
+                 parameters={'tracks.timeout': 0.5})
+    contact, = result.contacts
+    assert since(result, contact.first, contact.last) == pytest.approx([0.18, 0.27])
+
+
 def test_curve_is_of_all_ids_however_they_are_sent(tmp_path):
     """One at 2 m comes twice a second, another at 5 m ten times, for some time with it."""
     messages = samples([0.0] * 40)

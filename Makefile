@@ -96,8 +96,7 @@ paths: $(VENV)/test.stamp
 # Random recordings beside the exact oracle of recorded motion: make motion RECORDINGS=1e4
 RECORDINGS ?= 1e6
 motion: $(VENV)/test.stamp
-	PYTHONPATH=.:test/support $(BIN)/python test/replay/motion/test_replay_theory.py \
-	    --recordings $(RECORDINGS)
+	PYTHONPATH=.:test/support $(BIN)/python test/replay/motion/theory.py --recordings $(RECORDINGS)
 
 # What can happen around one source, every order of DEPTH events and random RUNS in each form:
 # make knowing DEPTH=1 RUNS=1e3

@@ -115,7 +115,7 @@ def _parser() -> argparse.ArgumentParser:
     add = parser.add_argument_group('output').add_argument
     add('--json', metavar='FILE', help='write the result; docs/replay_json.md has the schema')
     add('--csv', metavar='FILE',
-        help='write a row for each contact, unknown interval, time to collision, plan in contact')
+        help='write a row for each contact, unknown or undetermined time, prediction and plan')
     add('--junit', metavar='FILE', help='write a test suite for each recording')
     add('--plot', metavar='FILE',
         help='draw a picture (.png, .svg, .pdf) or a page (.html); for several recordings, one '

@@ -264,6 +264,11 @@ class Result:
         """The time checked, in s."""
         return 0.0 if self.start is None or self.end is None else (self.end - self.start) / 1e9
 
+    @property
+    def undecided(self) -> dict[str, list[Unknown]]:
+        """The times in which footprints are neither clear nor in collision, by state."""
+        return {'unknown': self.unknown, 'undetermined': self.undetermined}
+
     def obstacle_of(self, contact: Contact) -> ShownBody | None:
         """Return the obstacle of a contact, None if it was not kept."""
         return None if self.keyframes is None else self.keyframes.obstacle(

@@ -84,7 +84,7 @@ def _rows(result: Result) -> Iterator[tuple[Any, ...]]:
                contact.last, (contact.last - contact.first) / 1e9, contact.depth,
                contact.deepest, contact.x, contact.y, '', contact.found, *contact.normal,
                *chain.from_iterable(contact.points))
-    for kind, intervals in (('unknown', result.unknown), ('undetermined', result.undetermined)):
+    for kind, intervals in result.undecided.items():
         for one in intervals:
             yield (result.bag, kind, one.footprint, '', one.first, one.last,
                    (one.last - one.first) / 1e9, '', '', '', '', '; '.join(one.reasons))

@@ -159,8 +159,7 @@ def _unknown_of(result: Result, name: str) -> list[tuple[float, float, str]]:
     """Return when a footprint is unknown or undetermined, in s, and why; many are joined."""
     found = [(result.since(one.first), result.since(one.last),
               f'{state}: {"; ".join(one.reasons)}')
-             for state, intervals in (('unknown', result.unknown),
-                                      ('undetermined', result.undetermined))
+             for state, intervals in result.undecided.items()
              for one in intervals if one.footprint == name]
     if len(found) <= _MAX_ROWS:
         return found
@@ -281,8 +280,8 @@ def _tables_of(result: Result, contacts: list[Contact]) -> list[dict[str, Any]]:
         ('Plans in contact', first, PLAN_CONTACTS,
          [plan_contact_row(one, result) for one in plans[:_MAX_ROWS]]),
         ('Plans', '', PLANS, plan_rows(result)),
-        *(_intervals(result, title, intervals) for title, intervals in (
-            ('Unknown', result.unknown), ('Undetermined', result.undetermined))),
+        *(_intervals(result, state.capitalize(), intervals)
+          for state, intervals in result.undecided.items()),
         ('Footprints', '', (*FOOTPRINTS, 'topic'),
          [(*footprint_row(one, result), one.topic) for one in result.footprints]),
         ('Least time to collision', '', SOONEST, soonest_rows(result)),

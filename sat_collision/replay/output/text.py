@@ -122,7 +122,7 @@ def report(result: Result) -> list[str]:
                     'plans in contact')
     lines += _table(CONTACTS, [contact_row(contact, result) for contact in result.contacts],
                     'contacts')
-    for what, intervals in (('unknown', result.unknown), ('undetermined', result.undetermined)):
+    for what, intervals in result.undecided.items():
         lines += _table(UNKNOWN, [unknown_row(one, '; '.join(one.reasons), result)
                                   for one in intervals if one.last - one.first >= _MOMENT], what)
     return lines
@@ -330,7 +330,7 @@ def lanes_of(result: Result) -> list[Lane]:
 def unknown_times(result: Result, name: str) -> list[tuple[float, float, str]]:
     """Return when a footprint is unknown or undetermined for any reason, in s, and which."""
     times = []
-    for state, intervals in (('unknown', result.unknown), ('undetermined', result.undetermined)):
+    for state, intervals in result.undecided.items():
         found = [(result.since(one.first), result.since(one.last)) for one in intervals
                  if one.footprint == name]
         # Gaps between very many are too short to be seen.

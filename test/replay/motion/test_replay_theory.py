@@ -15,9 +15,7 @@ touches one where they are at most 1 m apart along the line. Lanes are far from 
 each obstacle has a number of vertices of its own: links are known without a look at distances.
 """
 
-import argparse
 from fractions import Fraction
-import tempfile
 
 from builders import SECOND, serialised
 import numpy as np
@@ -321,13 +319,3 @@ def test_motion_has_each_contact_of_the_monitor(tmp_path, form):
                 compared += 1
                 assert is_in(times_of(motion.contacts), time), (seed, form, time)
     assert compared > 10
-
-
-if __name__ == '__main__':
-    parser = argparse.ArgumentParser(description=__doc__.strip().partition('\n')[0])
-    parser.add_argument('--recordings', type=float, default=1e6)
-    for number in range(int(parser.parse_args().recordings)):
-        with tempfile.TemporaryDirectory() as folder:
-            compare(number, FORMS[number % len(FORMS)], f'{folder}/bag')
-        if (number + 1) % 1000 == 0:
-            print(f'{number + 1} recordings agree', flush=True)

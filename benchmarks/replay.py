@@ -22,7 +22,7 @@ import _shared  # noqa: F401
 from builders import serialised
 import numpy as np
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
-from sat_collision.geometry.jit import KERNEL
+from sat_collision.geometry.compiled.jit import KERNEL
 from sat_collision.messages.rosbags_interfaces import STORE
 from sat_collision.replay.model.result import Options
 from sat_collision.replay.run import check

@@ -36,15 +36,15 @@ from importlib import import_module
 from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from sat_collision.geometry.contact import Contact, contact
-    from sat_collision.geometry.jit import KERNEL
+    from sat_collision.geometry.body.polygon import Polygon, PolygonError, Reason
+    from sat_collision.geometry.compiled.jit import KERNEL
+    from sat_collision.geometry.motion.sweep import time_of_contact
+    from sat_collision.geometry.pair.contact import Contact, contact
     from sat_collision.geometry.path import first_contact_along, PathContact
-    from sat_collision.geometry.polygon import Polygon, PolygonError, Reason
-    from sat_collision.geometry.polygon_set import PolygonSet
     from sat_collision.geometry.query import (
         closest_points, intersects, intersects_many, intersects_pairs, separation, separations,
         time_to_contact)
-    from sat_collision.geometry.sweep import time_of_contact
+    from sat_collision.geometry.sets.polygon_set import PolygonSet
 
 __all__ = [
     'Contact',
@@ -67,9 +67,10 @@ __all__ = [
 ]
 
 # The modules in geometry of the names that are not in query.
-_HOMES = {'Contact': 'contact', 'contact': 'contact', 'first_contact_along': 'path',
-          'KERNEL': 'jit', 'PathContact': 'path', 'Polygon': 'polygon', 'PolygonError': 'polygon',
-          'PolygonSet': 'polygon_set', 'Reason': 'polygon', 'time_of_contact': 'sweep'}
+_HOMES = {'Contact': 'pair.contact', 'contact': 'pair.contact', 'first_contact_along': 'path',
+          'KERNEL': 'compiled.jit', 'PathContact': 'path', 'Polygon': 'body.polygon',
+          'PolygonError': 'body.polygon', 'PolygonSet': 'sets.polygon_set',
+          'Reason': 'body.polygon', 'time_of_contact': 'motion.sweep'}
 
 
 def __dir__() -> list[str]:

@@ -29,13 +29,15 @@ BELOW = {
     'replay': {'extras', 'sat_collision', 'monitor', 'messages', 'scene', 'geometry'},
     'demo': {'extras', 'geometry'},
 }
+# The folders of geometry, each on those before it; what is in none of them may import all.
+FLOORS = 'compiled', 'numeric', 'body', 'pair', 'motion', 'sets'
 # The modules that may import numba.
-COMPILERS = tuple(f'sat_collision.geometry.{name}'
+COMPILERS = tuple(f'sat_collision.geometry.compiled.{name}'
                   for name in ('jit', 'kernel_cache'))
 # Libraries that only some modules may import, by full name.
 RESERVED = {
     'numba': COMPILERS,
-    'llvmlite': ('sat_collision.geometry.jit',),
+    'llvmlite': ('sat_collision.geometry.compiled.jit',),
     'rclpy': ('sat_collision.node', 'sat_collision.demo.show', 'sat_collision.demo.publish'),
     'rclpy.serialization': ('sat_collision.node', 'sat_collision.demo.show',
                             'sat_collision.messages.interfaces'),
@@ -69,6 +71,14 @@ def test_imports_point_one_way():
     for module, name in BY_MODULE:
         allowed = {None, part(module)} | BELOW[part(module)]
         assert (module, name) == leaf or part(name) in allowed, f'{module} imports {name}'
+
+
+def test_folders_of_geometry_stand_on_those_before():
+    prefix = 'sat_collision.geometry.'
+    for module, name in BY_MODULE:
+        own, other = (one.removeprefix(prefix).partition('.')[0] for one in (module, name))
+        if module.startswith(prefix) and name.startswith(prefix) and own in FLOORS:
+            assert other in FLOORS[:FLOORS.index(own) + 1], f'{module} imports {name}'
 
 
 def test_imports_have_no_cycles():

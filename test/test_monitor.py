@@ -16,7 +16,7 @@ import random
 from builders import box, SECOND, serialised
 from monitors import BOW_TIE, CIRCLE, clear_monitor, NOW, SETTINGS, status
 import pytest
-from sat_collision.geometry.jit import COMPILED
+from sat_collision.geometry.compiled.jit import COMPILED
 from sat_collision.monitor import Monitor
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.streams import Endpoint

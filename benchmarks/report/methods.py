@@ -26,10 +26,10 @@ import numpy as np
 import oracle
 import rivals
 from sat_collision import intersects_pairs, Polygon, PolygonSet
-from sat_collision.geometry.intersection import convex_meet
-from sat_collision.geometry.jit import COMPILED, elements, indexable, kernel, scratch
-from sat_collision.geometry.layout import Packed, packed_size
-from sat_collision.geometry.packing import pack
+from sat_collision.geometry.body.layout import Packed, packed_size
+from sat_collision.geometry.body.packing import pack
+from sat_collision.geometry.compiled.jit import COMPILED, elements, indexable, kernel, scratch
+from sat_collision.geometry.pair.intersection import convex_meet
 import shapely
 
 

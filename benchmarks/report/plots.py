@@ -16,7 +16,7 @@ from matplotlib import pyplot
 from methods import LABELS, METHODS
 import numpy as np
 import rivals
-from sat_collision.geometry.jit import indexable
+from sat_collision.geometry.compiled.jit import indexable
 import shapely
 from stability import centre_of_bin, FIRST
 from tables import distinct, parts, speed_row

@@ -26,9 +26,9 @@ edge before, which makes most pairs O(n).
 
 import math
 
-from sat_collision.geometry.jit import inner, kernel
-from sat_collision.geometry.plane import centroid
-from sat_collision.geometry.predicates import orient, segments_meet
+from sat_collision.geometry.compiled.jit import inner, kernel
+from sat_collision.geometry.numeric.predicates import orient, segments_meet
+from sat_collision.geometry.numeric.vectors import centroid
 
 # The support vertex of bodies with at most this many vertices is found by a linear scan.
 _SCANNED = 8

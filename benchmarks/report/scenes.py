@@ -22,9 +22,9 @@ from _shared import medians
 import numpy as np
 from published import load
 from sat_collision import intersects_pairs, Polygon, PolygonSet, separation
-from sat_collision.geometry.jit import indexable, kernel
-from sat_collision.geometry.layout import convex_part, Packed
-from sat_collision.geometry.separating_axis import (
+from sat_collision.geometry.body.layout import convex_part, Packed
+from sat_collision.geometry.compiled.jit import indexable, kernel
+from sat_collision.geometry.pair.separating_axis import (
     boxes_apart, find_separating_axis, SEPARATE, UNCERTAIN)
 
 # Testing bounding boxes counts as trying two axes.

@@ -34,7 +34,7 @@ def compile_nothing() -> None:
 
     The first flags then come after a second instead of six or more.
     """
-    from sat_collision.geometry.compilation import use_plain_python
+    from sat_collision.geometry.compiled.compilation import use_plain_python
     from sat_collision.geometry.preparation import is_prepared
     if not is_prepared():
         use_plain_python()

@@ -18,8 +18,8 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from sat_collision.geometry.polygon import Polygon
-from sat_collision.geometry.polygon_set import PolygonSet
+from sat_collision.geometry.body.polygon import Polygon
+from sat_collision.geometry.sets.polygon_set import PolygonSet
 
 # (n, 2): corners of a convex polygon, counter-clockwise, ends of a segment, or a point.
 Ring: TypeAlias = NDArray[np.float64]

@@ -23,17 +23,17 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sat_collision.geometry.box_index import box_gap, contains, rows_near
-from sat_collision.geometry.floating_point import require_nearest
-from sat_collision.geometry.jit import indexable, inner, kernel, scratch, scratch_integers
-from sat_collision.geometry.layout import packed_polygon, rows_of
-from sat_collision.geometry.moving import MovingBody, parts_about
-from sat_collision.geometry.packing import PAIR
-from sat_collision.geometry.plane import length
-from sat_collision.geometry.polygon import as_polygon, BodyLike, Polygon
-from sat_collision.geometry.polygon_set import ascending, PolygonSet, rows_within
-from sat_collision.geometry.prediction import BEYOND, first_met, Motion, path_of, ways_of
-from sat_collision.geometry.sweep import limits
+from sat_collision.geometry.body.box_index import box_gap, contains, rows_near
+from sat_collision.geometry.body.layout import packed_polygon, rows_of
+from sat_collision.geometry.body.moving import MovingBody, parts_about
+from sat_collision.geometry.body.packing import PAIR
+from sat_collision.geometry.body.polygon import as_polygon, BodyLike, Polygon
+from sat_collision.geometry.compiled.floating_point import require_nearest
+from sat_collision.geometry.compiled.jit import indexable, inner, kernel, scratch, scratch_integers
+from sat_collision.geometry.motion.prediction import BEYOND, first_met, Motion, path_of, ways_of
+from sat_collision.geometry.motion.sweep import limits
+from sat_collision.geometry.numeric.vectors import length
+from sat_collision.geometry.sets.polygon_set import ascending, PolygonSet, rows_within
 
 _TOLERANCE = 1e-3
 # How many segments are compared with the obstacles at once.

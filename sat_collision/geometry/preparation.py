@@ -33,19 +33,19 @@ import threading
 import time
 
 import numpy as np
-from sat_collision.geometry.compilation import kernel_problem, say_nothing
-from sat_collision.geometry.contact import contact, contact_of_arrays
-from sat_collision.geometry.convex_parts import convex_parts
-from sat_collision.geometry.jit import COMPILED, HAS_OWN_CACHE, indexable, KERNEL
-from sat_collision.geometry.layout import packed_size
-from sat_collision.geometry.packed_set import PackedSet
-from sat_collision.geometry.packing import pack_convex, TRIPLE
+from sat_collision.geometry.body.convex_parts import convex_parts
+from sat_collision.geometry.body.layout import packed_size
+from sat_collision.geometry.body.packing import pack_convex, TRIPLE
+from sat_collision.geometry.body.polygon import Polygon, UNMOVED
+from sat_collision.geometry.compiled.compilation import kernel_problem, say_nothing
+from sat_collision.geometry.compiled.jit import COMPILED, HAS_OWN_CACHE, indexable, KERNEL
+from sat_collision.geometry.motion.sweep import time_of_contact
+from sat_collision.geometry.pair.contact import contact, contact_of_arrays
 from sat_collision.geometry.path import first_contact_along, first_row_met_on
-from sat_collision.geometry.polygon import Polygon, UNMOVED
-from sat_collision.geometry.polygon_set import PolygonSet
 from sat_collision.geometry.query import (
     closest_points, intersects, intersects_pairs, separations)
-from sat_collision.geometry.sweep import time_of_contact
+from sat_collision.geometry.sets.packed_set import PackedSet
+from sat_collision.geometry.sets.polygon_set import PolygonSet
 
 _TRIANGLE = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32)
 _NON_CONVEX = [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (2.0, 1.0)]
@@ -123,7 +123,7 @@ def is_prepared() -> bool:
     if not (COMPILED and HAS_OWN_CACHE):
         return True
     # This imports numba, which may be missing or broken.
-    from sat_collision.geometry.kernel_cache import is_kept
+    from sat_collision.geometry.compiled.kernel_cache import is_kept
     return is_kept(contact_of_arrays) and is_kept(first_row_met_on)
 
 

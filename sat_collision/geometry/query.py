@@ -16,10 +16,10 @@ import math
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sat_collision.geometry.distance import measure_arrays
-from sat_collision.geometry.intersection import arrays_meet
-from sat_collision.geometry.polygon import as_polygon, BodyLike
-from sat_collision.geometry.polygon_set import PolygonSet
+from sat_collision.geometry.body.polygon import as_polygon, BodyLike
+from sat_collision.geometry.pair.distance import measure_arrays
+from sat_collision.geometry.pair.intersection import arrays_meet
+from sat_collision.geometry.sets.polygon_set import PolygonSet
 
 
 def intersects(a: BodyLike, b: BodyLike) -> bool:

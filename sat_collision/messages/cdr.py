@@ -23,10 +23,10 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from sat_collision.geometry.jit import indexable
-from sat_collision.geometry.packing import DOUBLE, PAIR, TRIPLE
-from sat_collision.geometry.polygon import Points
-from sat_collision.geometry.run import find_polygons, IN_ONE_MESSAGE
+from sat_collision.geometry.body.packing import DOUBLE, PAIR, TRIPLE
+from sat_collision.geometry.body.polygon import Points
+from sat_collision.geometry.compiled.jit import indexable
+from sat_collision.geometry.sets.run import find_polygons, IN_ONE_MESSAGE
 from sat_collision.scene.frames import LONGEST_FRAME_ID
 from sat_collision.scene.rotations import Transform
 from sat_collision.scene.velocity import Twist

@@ -18,11 +18,11 @@ from itertools import accumulate, pairwise
 from typing import Any, cast, NamedTuple
 
 import numpy as np
-from sat_collision.geometry.jit import indexable
-from sat_collision.geometry.packer import Packer, vertices_of
-from sat_collision.geometry.packing import SIZES, TRIPLE
-from sat_collision.geometry.polygon import Affine2D, PackedBody, Points, PolygonError, UNMOVED
-from sat_collision.geometry.run import IN_ONE_MESSAGE, Run
+from sat_collision.geometry.body.packer import Packer, vertices_of
+from sat_collision.geometry.body.packing import SIZES, TRIPLE
+from sat_collision.geometry.body.polygon import Affine2D, PackedBody, Points, PolygonError, UNMOVED
+from sat_collision.geometry.compiled.jit import indexable
+from sat_collision.geometry.sets.run import IN_ONE_MESSAGE, Run
 from sat_collision.messages.cdr import (
     COUNT_SIZE, decode, decode_collection, decode_polygon_2d, header_stamp, MessageError,
     POINT_SIZE, RunPoints)

@@ -19,9 +19,9 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
-from sat_collision.geometry.contact import contact
+from sat_collision.geometry.body.polygon import Polygon
 from sat_collision.geometry.overlap import contact_marks, Ring
-from sat_collision.geometry.polygon import Polygon
+from sat_collision.geometry.pair.contact import contact
 from sat_collision.messages.interfaces import ColorRGBA, Duration, Marker, MarkerArray, Point
 from sat_collision.messages.states import in_words
 from sat_collision.scene.footprints import State, Status

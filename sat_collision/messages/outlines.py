@@ -16,8 +16,8 @@ from collections.abc import Sequence
 from functools import partial
 import struct
 
-from sat_collision.geometry.packing import TRIPLE
-from sat_collision.geometry.polygon import Affine2D, Points, Polygon, UNMOVED
+from sat_collision.geometry.body.packing import TRIPLE
+from sat_collision.geometry.body.polygon import Affine2D, Points, Polygon, UNMOVED
 from sat_collision.messages.cdr import decode_command, decode_odometry, MessageError
 from sat_collision.messages.ingest import Ingest
 from sat_collision.messages.rejections import (

@@ -18,7 +18,7 @@ import sys
 from typing import Any, Protocol
 
 import numpy as np
-from sat_collision.geometry.contact import contact
+from sat_collision.geometry.pair.contact import contact
 from sat_collision.messages.interfaces import (
     Bool, DiagnosticArray, Float64, MarkerArray, octets, PointCloud2, PointField, serialize)
 from sat_collision.messages.markers import Markers, MAX_CONTACTS

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from sat_collision.geometry.polygon import Reason
+from sat_collision.geometry.body.polygon import Reason
 from sat_collision.scene import frames
 from sat_collision.scene.frames import in_quotes
 from sat_collision.scene.obstacle_store import OTHER_FRAME, TOO_MANY

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from sat_collision.geometry.polygon import Polygon
+from sat_collision.geometry.body.polygon import Polygon
 from sat_collision.messages.interfaces import DiagnosticArray, DiagnosticStatus, KeyValue
 from sat_collision.scene.footprints import State, Status
 from sat_collision.scene.frames import in_words as name_in_words

@@ -29,8 +29,8 @@ from rclpy.qos import QoSLivelinessPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import get_rmw_implementation_identifier
 from sat_collision.extras import in_one_line
-from sat_collision.geometry.compilation import kernel_problem
-from sat_collision.geometry.jit import KERNEL
+from sat_collision.geometry.compiled.compilation import kernel_problem
+from sat_collision.geometry.compiled.jit import KERNEL
 from sat_collision.geometry.preparation import Preparation
 from sat_collision.messages.cdr import stamped
 from sat_collision.messages.outputs import Outputs

@@ -28,7 +28,7 @@ import time
 from typing import cast, TYPE_CHECKING
 
 from sat_collision.extras import missing
-from sat_collision.geometry.compilation import is_plain_python_chosen, use_plain_python
+from sat_collision.geometry.compiled.compilation import is_plain_python_chosen, use_plain_python
 from sat_collision.replay.bag.storage import Limits, Row
 
 if TYPE_CHECKING:
@@ -112,7 +112,7 @@ def _mark() -> Path | None:
     if is_plain_python_chosen():
         return None
     try:
-        from sat_collision.geometry.kernel_cache import prepared_mark
+        from sat_collision.geometry.compiled.kernel_cache import prepared_mark
         return prepared_mark(Path(__file__).parent / 'motion')
     except Exception:  # a broken numba may raise anything; kernels report it
         return None

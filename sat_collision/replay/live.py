@@ -19,7 +19,7 @@ from math import inf
 from operator import itemgetter
 
 import numpy as np
-from sat_collision.geometry.polygon import Polygon
+from sat_collision.geometry.body.polygon import Polygon
 from sat_collision.geometry.query import separation
 from sat_collision.replay.model.keyframes import Keyframes, ShownBody, Tape
 from sat_collision.replay.model.result import (

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from sat_collision.extras import in_one_line
-from sat_collision.geometry.polygon import Reason
+from sat_collision.geometry.body.polygon import Reason
 from sat_collision.messages.cdr import decode, header_stamp, MessageError, stamped
 from sat_collision.messages.ingest import Placement
 from sat_collision.messages.rejections import EMPTY_FRAME_ID, LONG_FRAME_ID, Rejection, UNDECODABLE

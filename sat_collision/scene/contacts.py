@@ -16,12 +16,12 @@ from typing import Any, Generic, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from sat_collision.geometry.packed_set import PackedSet
+from sat_collision.geometry.body.polygon import PackedBody, Polygon
+from sat_collision.geometry.motion.prediction import motion_of
 from sat_collision.geometry.path import first_of_rows
-from sat_collision.geometry.polygon import PackedBody, Polygon
-from sat_collision.geometry.polygon_set import Point
-from sat_collision.geometry.prediction import motion_of
-from sat_collision.geometry.run import Run
+from sat_collision.geometry.sets.packed_set import PackedSet
+from sat_collision.geometry.sets.polygon_set import Point
+from sat_collision.geometry.sets.run import Run
 from sat_collision.scene.footprints import Footprint
 from sat_collision.scene.obstacles import Body, Obstacle
 from sat_collision.scene.velocity import Velocity, Vertices

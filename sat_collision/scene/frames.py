@@ -23,7 +23,7 @@ import math
 import re
 from typing import NamedTuple, TypeAlias
 
-from sat_collision.geometry.polygon import Affine2D
+from sat_collision.geometry.body.polygon import Affine2D
 from sat_collision.scene.rotations import (
     accepted, affine_of, composed, fixed, FixedTransform, IDENTITY, interpolated, relative, tilt,
     Transform)

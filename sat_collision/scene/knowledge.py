@@ -24,7 +24,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import cast, NamedTuple
 
-from sat_collision.geometry.polygon import PackedBody
+from sat_collision.geometry.body.polygon import PackedBody
 from sat_collision.scene.obstacle_store import (
     KeyedGroup, ObstacleGroup, ObstacleStore, SetGroup, Shape, TOO_MANY)
 from sat_collision.scene.obstacles import ObstacleId

@@ -18,9 +18,9 @@ from itertools import chain
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from sat_collision.geometry.jit import indexable
-from sat_collision.geometry.polygon import PackedBody
-from sat_collision.geometry.run import Run
+from sat_collision.geometry.body.polygon import PackedBody
+from sat_collision.geometry.compiled.jit import indexable
+from sat_collision.geometry.sets.run import Run
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.obstacles import Obstacle, ObstacleId
 from sat_collision.scene.settings import NEVER

@@ -14,8 +14,8 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Any, Generic, NamedTuple, TypeVar
 
-from sat_collision.geometry.packed_set import PackedSet
-from sat_collision.geometry.polygon import Polygon
+from sat_collision.geometry.body.polygon import Polygon
+from sat_collision.geometry.sets.packed_set import PackedSet
 from sat_collision.scene.velocity import MotionTracker
 
 _Other = TypeVar('_Other', bound='Body[Any]')

@@ -20,7 +20,7 @@ import re
 from typing import Any, TypeAlias
 
 import numpy as np
-from sat_collision.geometry.polygon import Polygon, PolygonError
+from sat_collision.geometry.body.polygon import Polygon, PolygonError
 from sat_collision.scene.settings import (
     DEFAULT_FOOTPRINT, DEFAULT_SOURCE, DEFAULT_SOURCE_TOPIC, EACH_MESSAGE, EMPTY_POLYGON,
     FootprintSettings, NEW_STAMP, NONE, ObstacleSettings, POLYGON_COLLECTION, POLYGON_INSTANCE,

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from sat_collision.geometry.polygon import Affine2D, Polygon
+from sat_collision.geometry.body.polygon import Affine2D, Polygon
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.footprints import Footprint
 from sat_collision.scene.obstacles import ObstacleId

@@ -17,7 +17,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from sat_collision.geometry.polygon import Polygon, PolygonError
+from sat_collision.geometry.body.polygon import Polygon, PolygonError
 from sat_collision.scene.contacts import Contacts, Course
 from sat_collision.scene.footprints import Footprint, Status
 from sat_collision.scene.obstacles import Obstacle, ObstacleId

@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from typing import TypeAlias
 
-from sat_collision.geometry.polygon import Affine2D
+from sat_collision.geometry.body.polygon import Affine2D
 
 # Translation x, y, z in m, then rotation x, y, z, w, a quaternion of any length above zero. It
 # takes the coordinates of a point in the child frame to those in the parent frame.

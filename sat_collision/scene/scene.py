@@ -16,8 +16,8 @@ from itertools import chain
 import math
 from typing import Any, NamedTuple
 
-from sat_collision.geometry.polygon import PackedBody, Polygon
-from sat_collision.geometry.run import Run
+from sat_collision.geometry.body.polygon import PackedBody, Polygon
+from sat_collision.geometry.sets.run import Run
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.footprints import Footprint, Origin, Status
 from sat_collision.scene.frames import in_quotes

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, NamedTuple
 
-from sat_collision.geometry.polygon import MAX_VERTICES
+from sat_collision.geometry.body.polygon import MAX_VERTICES
 from sat_collision.scene.velocity import VELOCITY_LASTS
 
 POLYGON = 'polygon'

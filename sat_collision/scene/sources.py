@@ -14,8 +14,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
-from sat_collision.geometry.polygon import PackedBody
-from sat_collision.geometry.run import Run
+from sat_collision.geometry.body.polygon import PackedBody
+from sat_collision.geometry.sets.run import Run
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.knowledge import Listings, LOSS, Message, Refreshed
 from sat_collision.scene.obstacle_store import (

@@ -24,7 +24,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from sat_collision.geometry.polygon import Affine2D
+from sat_collision.geometry.body.polygon import Affine2D
 
 ODOMETRY = 'odometry'
 TRANSFORMS = 'transforms'

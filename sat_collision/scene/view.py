@@ -16,8 +16,8 @@ from collections.abc import Collection, Mapping, Set
 from itertools import chain
 from typing import TypeAlias
 
-from sat_collision.geometry.polygon import Polygon
-from sat_collision.geometry.polygon_set import Point
+from sat_collision.geometry.body.polygon import Polygon
+from sat_collision.geometry.sets.polygon_set import Point
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.footprints import Footprint, State, Status
 from sat_collision.scene.obstacles import ObstacleId

@@ -23,7 +23,7 @@ from published import load
 import pytest
 
 from sat_collision import intersects, Polygon
-from sat_collision.geometry.jit import COMPILED, indexable
+from sat_collision.geometry.compiled.jit import COMPILED, indexable
 
 ROOT = Path(__file__).resolve().parents[2]
 PATHS = [str(ROOT / place)

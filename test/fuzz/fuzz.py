@@ -26,7 +26,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / 'test' / 'support')]
 
 from builders import box, serialised  # noqa: E402
 import numpy as np  # noqa: E402
-from sat_collision.geometry.polygon import Polygon, PolygonError  # noqa: E402
+from sat_collision.geometry.body.polygon import Polygon, PolygonError  # noqa: E402
 from sat_collision.messages.cdr import decode, MessageError  # noqa: E402
 from sat_collision.messages.interfaces import deserialize, PolygonStamped  # noqa: E402
 from sat_collision.monitor import Monitor, Rejection  # noqa: E402

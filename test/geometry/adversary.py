@@ -26,7 +26,7 @@ import frame_chains
 import metamorphic
 import numpy as np
 import predictions
-from sat_collision.geometry.jit import kernel
+from sat_collision.geometry.compiled.jit import kernel
 import separations
 import steering
 

@@ -15,17 +15,18 @@ the precision of doubles, over all parts, vertices and edges without any search.
 """
 
 import numpy as np
-from sat_collision.geometry.contact import contact_of_arrays
-from sat_collision.geometry.convex_distance import reach_of
-from sat_collision.geometry.convex_parts import convex_parts
-from sat_collision.geometry.distance import measure_arrays
-from sat_collision.geometry.double_double import (
+from sat_collision.geometry.body.convex_parts import convex_parts
+from sat_collision.geometry.body.layout import (
+    convex_part, first_vertex, HEADER, Packed, packed_size)
+from sat_collision.geometry.body.packing import CONVEX, NON_CONVEX, pack
+from sat_collision.geometry.compiled.jit import kernel
+from sat_collision.geometry.numeric.double_double import (
     difference, dot, negative, plus, square_root, times)
-from sat_collision.geometry.intersection import arrays_meet
-from sat_collision.geometry.jit import kernel
-from sat_collision.geometry.layout import convex_part, first_vertex, HEADER, Packed, packed_size
-from sat_collision.geometry.packing import CONVEX, NON_CONVEX, pack
-from sat_collision.geometry.predicates import orient
+from sat_collision.geometry.numeric.predicates import orient
+from sat_collision.geometry.pair.contact import contact_of_arrays
+from sat_collision.geometry.pair.convex_distance import reach_of
+from sat_collision.geometry.pair.distance import measure_arrays
+from sat_collision.geometry.pair.intersection import arrays_meet
 import separations
 from separations import distance_to_edges, reach_beyond_edges, UNIT
 import steering

@@ -19,11 +19,11 @@ from fractions import Fraction
 from compiled import callable_here
 import numpy as np
 from rationals import square_root
-from sat_collision.geometry.jit import kernel
-from sat_collision.geometry.layout import first_vertex, HEADER, Packed
-from sat_collision.geometry.packing import _SHORTER, CONVEX, pack
-from sat_collision.geometry.predicates import orient, ORIENTATION_BOUND, UNDERFLOW_BOUND
-from sat_collision.geometry.separating_axis import (
+from sat_collision.geometry.body.layout import first_vertex, HEADER, Packed
+from sat_collision.geometry.body.packing import _SHORTER, CONVEX, pack
+from sat_collision.geometry.compiled.jit import kernel
+from sat_collision.geometry.numeric.predicates import orient, ORIENTATION_BOUND, UNDERFLOW_BOUND
+from sat_collision.geometry.pair.separating_axis import (
     _gap, _rise, _turn, hill_climb, PRODUCT_BOUND, Search, support, SUPPORT_BOUND)
 
 support_here, climb_here = callable_here(support, hill_climb)

@@ -19,7 +19,7 @@ from operator import mul
 import random
 
 import numpy as np
-from sat_collision.geometry.packing import moved_points, TRIPLE
+from sat_collision.geometry.body.packing import moved_points, TRIPLE
 from sat_collision.scene.frames import Frames
 
 U = 2.0 ** -53

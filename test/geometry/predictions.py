@@ -18,10 +18,10 @@ Poses are computed with sine and cosine of the angle, and separations as everywh
 import contacts
 from contacts import packed_body
 import numpy as np
-from sat_collision.geometry.distance import measure_arrays
-from sat_collision.geometry.jit import kernel
-from sat_collision.geometry.plane import length
-from sat_collision.geometry.prediction import first_row_met
+from sat_collision.geometry.compiled.jit import kernel
+from sat_collision.geometry.motion.prediction import first_row_met
+from sat_collision.geometry.numeric.vectors import length
+from sat_collision.geometry.pair.distance import measure_arrays
 import separations
 import steering
 

@@ -18,13 +18,13 @@ from fractions import Fraction
 import numpy as np
 from rationals import exact_depth, exact_distance, square_root
 from sat_collision import Polygon
-from sat_collision.geometry.convex_distance import reach_of
-from sat_collision.geometry.distance import measure
-from sat_collision.geometry.double_double import (
+from sat_collision.geometry.body.layout import first_vertex, Packed, packed_size
+from sat_collision.geometry.compiled.jit import kernel
+from sat_collision.geometry.numeric.double_double import (
     cross, difference, dot, negative, plus, quotient, scaled, square_root as root)
-from sat_collision.geometry.jit import kernel
-from sat_collision.geometry.layout import first_vertex, Packed, packed_size
-from sat_collision.geometry.plane import scale_to_one
+from sat_collision.geometry.numeric.vectors import scale_to_one
+from sat_collision.geometry.pair.convex_distance import reach_of
+from sat_collision.geometry.pair.distance import measure
 import steering
 
 DISTANCE, DEPTH, WAY, AXIS = range(4)

@@ -17,12 +17,12 @@ import families
 from filter_bounds import along, cross, difference
 import numpy as np
 import oracle
-from sat_collision.geometry.intersection import convex_meet, meet_near
-from sat_collision.geometry.jit import kernel
-from sat_collision.geometry.layout import first_vertex, Packed, packed_size
-from sat_collision.geometry.packing import CONVEX, pack
-from sat_collision.geometry.predicates import ORIENTATION_BOUND
-from sat_collision.geometry.separating_axis import (
+from sat_collision.geometry.body.layout import first_vertex, Packed, packed_size
+from sat_collision.geometry.body.packing import CONVEX, pack
+from sat_collision.geometry.compiled.jit import kernel
+from sat_collision.geometry.numeric.predicates import ORIENTATION_BOUND
+from sat_collision.geometry.pair.intersection import convex_meet, meet_near
+from sat_collision.geometry.pair.separating_axis import (
     boxes_apart, find_separating_axis, first_axis, MEET, OPEN, PRODUCT_BOUND, refine, support,
     SUPPORT_BOUND, UNCERTAIN)
 import shapes

@@ -14,7 +14,7 @@ import filter_bounds
 import numpy as np
 import predictions
 import pytest
-from sat_collision.geometry.jit import COMPILED
+from sat_collision.geometry.compiled.jit import COMPILED
 import separations
 import steering
 

@@ -19,10 +19,11 @@ from compiled import failures_in_plain_python
 import numpy as np
 import pytest
 from sat_collision import first_contact_along, Polygon, PolygonError, PolygonSet
-from sat_collision.geometry import box_index, polygon_set
-from sat_collision.geometry.jit import COMPILED
-from sat_collision.geometry.layout import FANOUT
-from sat_collision.geometry.packed_set import PackedSet
+from sat_collision.geometry.body import box_index
+from sat_collision.geometry.body.layout import FANOUT
+from sat_collision.geometry.compiled.jit import COMPILED
+from sat_collision.geometry.sets import polygon_set
+from sat_collision.geometry.sets.packed_set import PackedSet
 
 SQUARE = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
 SIZES = [1, 2, FANOUT - 1, FANOUT, FANOUT + 1, 5 * FANOUT, FANOUT**2, FANOUT**2 + 1, 700]

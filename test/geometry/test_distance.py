@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 from rationals import exact_depth, exact_distance
 from sat_collision import closest_points, intersects, Polygon, PolygonSet, separation
-from sat_collision.geometry.convex_distance import of_all_features
-from sat_collision.geometry.layout import Packed
-from sat_collision.geometry.polygon import as_polygon
+from sat_collision.geometry.body.layout import Packed
+from sat_collision.geometry.body.polygon import as_polygon
+from sat_collision.geometry.pair.convex_distance import of_all_features
 import separations
 import shapes
 

@@ -22,10 +22,10 @@ import pytest
 from sat_collision import (
     closest_points, contact, intersects, intersects_many, intersects_pairs, Polygon,
     separation, time_of_contact)
-from sat_collision.geometry import floating_point
-from sat_collision.geometry.jit import COMPILED
-from sat_collision.geometry.packed_set import PackedSet
-from sat_collision.geometry.predicates import orient
+from sat_collision.geometry.compiled import floating_point
+from sat_collision.geometry.compiled.jit import COMPILED
+from sat_collision.geometry.numeric.predicates import orient
+from sat_collision.geometry.sets.packed_set import PackedSet
 
 ROOT = Path(__file__).resolve().parents[2]
 if not (platform.machine() == 'x86_64' and platform.libc_ver()[0] == 'glibc'):
@@ -138,7 +138,7 @@ def test_library_that_sets_the_mode_on_loading(tmp_path, machine, plain):
     source.write_text('')
     subprocess.run(['gcc', '-shared', '-fPIC', '-ffast-math', source, '-o', library], check=True)
     result = run(f'import ctypes, platform\nplatform.machine = lambda: {machine!r}\n'
-                 'from sat_collision.geometry.floating_point import require_nearest\n'
+                 'from sat_collision.geometry.compiled.floating_point import require_nearest\n'
                  f'ctypes.CDLL({str(library)!r})\n'
                  'if 2.0**-1060 * float("0.5") == 0.0:\n'
                  '    require_nearest(0)\n'

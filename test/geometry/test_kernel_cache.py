@@ -18,15 +18,15 @@ import sys
 
 from hardship import allow_writing, forbid_writing, without_privileges
 import pytest
-from sat_collision.geometry.jit import COMPILED, HAS_OWN_CACHE, numba
+from sat_collision.geometry.compiled.jit import COMPILED, HAS_OWN_CACHE, numba
 
 pytestmark = pytest.mark.skipif(not COMPILED, reason='nothing is compiled here')
 
 GEOMETRY = Path(__file__).resolve().parents[2] / 'sat_collision' / 'geometry'
 # A kernel whose file never changes, but which calls one in a file that does.
 CALLER = """
-from sat_collision.geometry.jit import kernel
-from sat_collision.geometry.plane import length
+from sat_collision.geometry.compiled.jit import kernel
+from sat_collision.geometry.numeric.vectors import length
 
 @kernel
 def twice(x):
@@ -34,7 +34,7 @@ def twice(x):
 """
 PROGRAM = """
 from sat_collision.geometry.caller import twice
-from sat_collision.geometry.compilation import kernel_problem
+from sat_collision.geometry.compiled.compilation import kernel_problem
 hits = getattr(twice, 'stats', None)
 print(twice(3.0), sum(hits.cache_hits.values()) if hits else 0, kernel_problem())
 """
@@ -71,8 +71,8 @@ def test_change_of_a_called_kernel_is_noticed(package):
     """The file of the caller does not change."""
     assert run(package) == (6.0, 0, 'None')
     assert run(package) == (6.0, 1, 'None')
-    plane = package / 'plane.py'
-    plane.write_text(plane.read_text().replace('math.sqrt(x * x + y * y) / scale', '7.0'))
+    vectors = package / 'numeric' / 'vectors.py'
+    vectors.write_text(vectors.read_text().replace('math.sqrt(x * x + y * y) / scale', '7.0'))
     assert run(package) == (14.0, 0, 'None')
 
 
@@ -82,9 +82,9 @@ def test_change_of_a_kernel_in_another_folder_is_noticed(package, numba_is):
     beside.mkdir()
     (beside / '__init__.py').touch()
     callee = beside / 'callee.py'
-    callee.write_text('from sat_collision.geometry.jit import kernel\n\n'
+    callee.write_text('from sat_collision.geometry.compiled.jit import kernel\n\n'
                       '@kernel\ndef length(x, y):\n    return x\n')
-    (beside / 'caller.py').write_text(CALLER.replace('geometry.plane', 'motion.callee'))
+    (beside / 'caller.py').write_text(CALLER.replace('geometry.numeric.vectors', 'motion.callee'))
     program = PROGRAM.replace('geometry.caller', 'motion.caller')
     if numba_is == 'unknown':
         program = UNKNOWN + program
@@ -97,7 +97,7 @@ def test_change_of_a_kernel_in_another_folder_is_noticed(package, numba_is):
 def test_called_kernels_are_compiled_only_with_their_callers(package):
     run(package)
     kept = {path.name.split('-')[0] for path in package.rglob('*.nbc')}
-    assert 'caller.twice' in kept and not any(name.startswith('plane.') for name in kept)
+    assert 'caller.twice' in kept and not any(name.startswith('vectors.') for name in kept)
 
 
 def altered(change):
@@ -146,7 +146,7 @@ DAMAGES = {
 
 
 MANY = """
-from sat_collision.geometry.jit import kernel
+from sat_collision.geometry.compiled.jit import kernel
 """ + ''.join(f"""
 @kernel
 def kernel_{k}_(x):
@@ -154,7 +154,7 @@ def kernel_{k}_(x):
 """ for k in range(len(DAMAGES)))
 PROGRAM_OF_MANY = """
 from sat_collision.geometry import caller
-from sat_collision.geometry.compilation import kernel_problem
+from sat_collision.geometry.compiled.compilation import kernel_problem
 kernels = [getattr(caller, f'kernel_{k}_') for k in range(%d)]
 print(sum(one(1.0) for one in kernels), sum(sum(one.stats.cache_hits.values()) for one in kernels),
       kernel_problem())
@@ -289,6 +289,6 @@ def test_unknown_numba_is_used_as_it_is(package):
                'twice as long: it was tried with numba 0.59 to 0.68')
     assert run(package, program) == (6.0, 0, problem)
     assert run(package, program) == (6.0, 1, problem)
-    plane = package / 'plane.py'
-    plane.write_text(plane.read_text().replace('math.sqrt(x * x + y * y) / scale', '7.0'))
+    vectors = package / 'numeric' / 'vectors.py'
+    vectors.write_text(vectors.read_text().replace('math.sqrt(x * x + y * y) / scale', '7.0'))
     assert run(package, program) == (14.0, 0, problem)

@@ -12,7 +12,7 @@ import metamorphic
 import numpy as np
 import pytest
 from sat_collision import intersects_pairs
-from sat_collision.geometry.jit import COMPILED
+from sat_collision.geometry.compiled.jit import COMPILED
 
 COUNT = 2000 if COMPILED else 300
 

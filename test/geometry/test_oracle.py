@@ -15,7 +15,7 @@ import oracle
 from published import load
 import pytest
 from sat_collision import intersects, intersects_pairs, Polygon, PolygonError, PolygonSet, Reason
-from sat_collision.geometry.predicates import orient
+from sat_collision.geometry.numeric.predicates import orient
 
 ALL = {**families.CONVEX, **families.SIMPLE}
 SQUARE = [[0, 0], [4, 0], [4, 4], [0, 4]]

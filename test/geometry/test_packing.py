@@ -18,12 +18,12 @@ import oracle
 import pytest
 from rationals import twice_area
 from sat_collision import intersects, Polygon
-from sat_collision.geometry import layout
-from sat_collision.geometry.jit import indexable
-from sat_collision.geometry.layout import (
+from sat_collision.geometry.body import layout
+from sat_collision.geometry.body.layout import (
     BOUNDS, FINGERPRINT, HEADER, Packed, packed_size)
-from sat_collision.geometry.packed_set import PackedSet
-from sat_collision.geometry.packing import moved_points, pack_convex, PAIR, TRIPLE
+from sat_collision.geometry.body.packing import moved_points, pack_convex, PAIR, TRIPLE
+from sat_collision.geometry.compiled.jit import indexable
+from sat_collision.geometry.sets.packed_set import PackedSet
 import shapes
 
 CONVEX = {**families.CONVEX, **families.EXTREME}

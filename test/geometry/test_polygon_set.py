@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 from sat_collision import (
     intersects, intersects_many, intersects_pairs, Polygon, PolygonError, PolygonSet, separation)
-from sat_collision.geometry.jit import COMPILED
-from sat_collision.geometry.packed_set import PackedSet
+from sat_collision.geometry.compiled.jit import COMPILED
+from sat_collision.geometry.sets.packed_set import PackedSet
 import shapely
 
 

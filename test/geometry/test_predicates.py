@@ -13,7 +13,7 @@ import math
 import random
 
 import pytest
-from sat_collision.geometry.predicates import orient, segments_meet
+from sat_collision.geometry.numeric.predicates import orient, segments_meet
 
 
 def orientation(a, b, c):

@@ -17,9 +17,9 @@ import numpy as np
 import oracle
 import pytest
 from sat_collision import intersects, Polygon
-from sat_collision.geometry import separating_axis
-from sat_collision.geometry.layout import Packed
-from sat_collision.geometry.separating_axis import MEET, SEPARATE, UNCERTAIN
+from sat_collision.geometry.body.layout import Packed
+from sat_collision.geometry.pair import separating_axis
+from sat_collision.geometry.pair.separating_axis import MEET, SEPARATE, UNCERTAIN
 
 boxes_apart, find_separating_axis, support = callable_here(
     separating_axis.boxes_apart, separating_axis.find_separating_axis, separating_axis.support)

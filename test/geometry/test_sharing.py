@@ -25,7 +25,7 @@ import numpy as np
 import pytest
 import sat_collision
 from sat_collision import Polygon, PolygonError, PolygonSet, Reason
-from sat_collision.geometry.jit import COMPILED
+from sat_collision.geometry.compiled.jit import COMPILED
 from sat_collision.replay.bag.mcap import _Misplaced
 
 SQUARE = [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)]

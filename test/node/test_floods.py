@@ -14,7 +14,7 @@ import signal
 
 from harness import APART, box, ROBOT, RunningMonitor, values
 import pytest
-from sat_collision.geometry.jit import COMPILED
+from sat_collision.geometry.compiled.jit import COMPILED
 
 NODE = ['-m', 'sat_collision.node', '--ros-args', '-p', 'obstacles:=[obstacle, flood]',
         '-p', 'obstacle.topic:=obstacles', '-p', 'obstacle.set_end:=empty_polygon', '-p',

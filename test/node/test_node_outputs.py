@@ -19,7 +19,7 @@ from harness import APART, box, LASTING, ROBOT, SECOND, to_ns, TOUCHING, values
 import numpy as np
 
 from sat_collision import KERNEL
-from sat_collision.geometry.packed_set import PackedSet
+from sat_collision.geometry.sets.packed_set import PackedSet
 from sat_collision.messages import outputs
 from sat_collision.messages.markers import Markers
 from sat_collision.messages.outputs import contact_cloud

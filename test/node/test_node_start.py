@@ -23,7 +23,7 @@ from builders import box
 from hardship import allow_writing, forbid_writing, without_privileges
 from harness import Peer
 import pytest
-from sat_collision.geometry.jit import COMPILED
+from sat_collision.geometry.compiled.jit import COMPILED
 
 PACKAGE = Path(__file__).resolve().parents[2] / 'sat_collision'
 # Far less than the time to compile all kernels, in s.

@@ -17,7 +17,7 @@ import sys
 
 import pytest
 from recordings import box, DECLARED, drive, SOURCE, STAMPS, write
-from sat_collision.geometry.jit import COMPILED
+from sat_collision.geometry.compiled.jit import COMPILED
 from sat_collision.replay import kernels
 from sat_collision.replay.bag.storage import Limits
 

@@ -24,7 +24,7 @@ from hypothesis.stateful import initialize, invariant, rule, RuleBasedStateMachi
 from machines import run_until_seen
 import numpy as np
 import pytest
-from sat_collision.geometry.polygon import Polygon
+from sat_collision.geometry.body.polygon import Polygon
 from sat_collision.messages.rejections import UNDECODABLE
 from sat_collision.monitor import Monitor
 from sat_collision.scene.footprints import Status

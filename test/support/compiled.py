@@ -13,7 +13,7 @@ import os
 import subprocess
 import sys
 
-from sat_collision.geometry.jit import kernel
+from sat_collision.geometry.compiled.jit import kernel
 
 
 def callable_here(*functions):

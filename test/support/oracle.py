@@ -20,7 +20,7 @@ import math
 
 import numpy as np
 
-from sat_collision.geometry.jit import kernel
+from sat_collision.geometry.compiled.jit import kernel
 
 _UNKNOWN = 2
 

@@ -13,7 +13,7 @@ from collections import Counter
 from dataclasses import replace
 
 import pytest
-from sat_collision.geometry.polygon import Polygon
+from sat_collision.geometry.body.polygon import Polygon
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 from sat_collision.scene.streams import Endpoint

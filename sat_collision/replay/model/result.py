@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, TypeAlias, TypeVar
 from sat_collision.replay.bag.storage import Limits
 
 if TYPE_CHECKING:
-    from sat_collision.geometry.polygon import Polygon
+    from sat_collision.geometry.body.polygon import Polygon
     from sat_collision.replay.model.keyframes import Keyframes, ShownBody
 
 _Number = TypeVar('_Number', int, float)
@@ -115,7 +115,7 @@ class Contact:
         if self.deepest and depth <= self.depth:
             return False
         # Not above: the command line needs results, and importing geometry takes long.
-        from sat_collision.geometry.contact import contact
+        from sat_collision.geometry.pair.contact import contact
         self.depth, self.deepest = depth, time
         a, b = own.bounds, other.bounds
         self.x = (max(a[0], b[0]) + min(a[2], b[2])) / 2

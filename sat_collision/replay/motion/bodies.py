@@ -18,9 +18,9 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from sat_collision.geometry.moving import STRIDE
-from sat_collision.geometry.packing import DOUBLE, PAIR, SIZES, TRIPLE
-from sat_collision.geometry.polygon import Affine2D, MAX_VERTICES, Polygon
+from sat_collision.geometry.body.moving import STRIDE
+from sat_collision.geometry.body.packing import DOUBLE, PAIR, SIZES, TRIPLE
+from sat_collision.geometry.body.polygon import Affine2D, MAX_VERTICES, Polygon
 from sat_collision.messages.ingest import Placement
 from sat_collision.replay.motion.kernels import (
     COUNT, describe, EARLIEST, END, FINISH, FIRST, follow, LATEST, MAY_REPEAT, MOTIONS,

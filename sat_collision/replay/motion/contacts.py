@@ -19,10 +19,10 @@ from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
-from sat_collision.geometry.jit import indexable
-from sat_collision.geometry.polygon import Polygon, PolygonError
+from sat_collision.geometry.body.polygon import Polygon, PolygonError
+from sat_collision.geometry.compiled.jit import indexable
+from sat_collision.geometry.motion.sweep import time_of_contact
 from sat_collision.geometry.query import closest_points, separation
-from sat_collision.geometry.sweep import time_of_contact
 from sat_collision.replay.model.result import (
     AT_A_SAMPLE, BETWEEN_SAMPLES, Contact, FootprintResult, Least, least_of, Series, Unknown)
 from sat_collision.replay.motion.bodies import (

@@ -18,10 +18,10 @@ Arrays are written to, not returned: numba takes a microsecond to return one to 
 import math
 
 import numpy as np
-from sat_collision.geometry.jit import (
+from sat_collision.geometry.body.moving import STRIDE
+from sat_collision.geometry.body.packing import CONVEX, pack, PAIR
+from sat_collision.geometry.compiled.jit import (
     kernel, scratch, words_and_doubles, words_and_floats)
-from sat_collision.geometry.moving import STRIDE
-from sat_collision.geometry.packing import CONVEX, pack, PAIR
 
 # The bytes of a float32, and the float32s of a point in a message.
 _WORD = 4

@@ -12,10 +12,10 @@
 import math
 
 import numpy as np
-from sat_collision.geometry.distance import measure
-from sat_collision.geometry.jit import kernel, scratch
-from sat_collision.geometry.layout import Packed, packed_size
-from sat_collision.geometry.moving import STRIDE
+from sat_collision.geometry.body.layout import Packed, packed_size
+from sat_collision.geometry.body.moving import STRIDE
+from sat_collision.geometry.compiled.jit import kernel, scratch
+from sat_collision.geometry.pair.distance import measure
 from sat_collision.replay.motion.kernels import (
     COUNT, EARLIEST, END, FINISH, FIRST, LATEST, MOTIONS, pack_ring, POINT, POINTS_END, ROW,
     ROWS_END, START)

@@ -26,8 +26,8 @@ from sys import maxsize
 from typing import TypeAlias
 
 import numpy as np
-from sat_collision.geometry.polygon import Polygon, PolygonError
-from sat_collision.geometry.polygon_set import PolygonSet
+from sat_collision.geometry.body.polygon import Polygon, PolygonError
+from sat_collision.geometry.sets.polygon_set import PolygonSet
 from sat_collision.replay.model.result import FootprintResult, Series, Soonest, Unknown
 from sat_collision.replay.motion.bodies import LinearMotion
 from sat_collision.replay.motion.tracker import Step

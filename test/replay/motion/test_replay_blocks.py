@@ -12,7 +12,7 @@
 import numpy as np
 import pytest
 from recordings import box, declared, STAMPS, START
-from sat_collision.geometry.packing import TRIPLE
+from sat_collision.geometry.body.packing import TRIPLE
 from sat_collision.messages.ingest import Placement
 from sat_collision.replay.model.configuration import settings_of
 from sat_collision.replay.model.result import FootprintResult

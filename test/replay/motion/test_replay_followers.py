@@ -11,7 +11,7 @@
 
 import numpy as np
 import pytest
-from sat_collision.geometry.packing import TRIPLE
+from sat_collision.geometry.body.packing import TRIPLE
 from sat_collision.messages.ingest import Placement
 from sat_collision.replay.motion.tracker import SetTracker
 from sat_collision.scene.settings import ObstacleSettings

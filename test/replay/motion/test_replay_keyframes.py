@@ -15,7 +15,7 @@ from builders import serialised
 import pytest
 from recordings import (
     box, check, drive, INSTANCE, MARKS, nanoseconds, published, STAMPS, write)
-from sat_collision.geometry.polygon import Polygon
+from sat_collision.geometry.body.polygon import Polygon
 from sat_collision.geometry.query import separation
 from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.bag.storage import Limits

@@ -1,0 +1,393 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""
+Packed polygons, see `layout`, made from received points, or what is wrong with these.
+
+All decisions are exact: they compare coordinates or take the sign of `predicates.orient`.
+"""
+
+from sat_collision.geometry.body.layout import (
+    ENTRY_BITS, entry_step, FINGERPRINT, HEADER, table_place, table_size)
+from sat_collision.geometry.compiled.floating_point import require_nearest
+from sat_collision.geometry.compiled.jit import (
+    inlined, inner, kernel, scratch, scratch_integers, words_and_doubles, words_and_floats)
+from sat_collision.geometry.numeric.predicates import orient, segments_meet
+from sat_collision.geometry.numeric.vectors import bounds_of, centroid, length
+
+# Verdicts on points.
+CONVEX = 0
+NON_CONVEX = 1
+NOT_FINITE = 2
+SPIKE = 3
+CROSSING = 4
+TOO_MANY = 5
+
+# The disc's radius is shortened by 2^-45 of the radius and the extent, which exceeds all rounding
+# errors; there is no disc if an edge or the radius is so short that underflow might exceed this.
+# See docs/exactness.md, lemma 10.
+# Numbers of a point in bytes: x, y as float64, or x, y, z as float32; and their sizes.
+PAIR = 2
+TRIPLE = 3
+WORD = 4
+DOUBLE = 8
+# Bytes of a point.
+SIZES = {PAIR: PAIR * DOUBLE, TRIPLE: TRIPLE * WORD}
+
+_SHORTER = 2.0 ** -45
+_LEAST_EDGE = 2.0 ** -500
+_LEAST_RADIUS = 1e-140
+
+_INFINITY = float('inf')
+
+
+@kernel
+def pack(points, packed, max_vertices, max_non_convex):
+    """
+    Pack a polygon given by received points, see `layout`.
+
+    Parameters
+    ----------
+    points : (2 n,) flat array of float64, n >= 1
+        x, y of each point as received.
+    packed : flat array of float64
+        Receives the polygon; of `packed_size(n)` at least.
+    max_vertices, max_non_convex : int
+        The most vertices accepted of a convex and of a non-convex polygon; larger ones are not
+        examined any further.
+
+    Returns
+    -------
+    verdict : int
+        CONVEX or NON_CONVEX (the points are valid), or NOT_FINITE, SPIKE, CROSSING or TOO_MANY.
+        If they are not, the array has the vertices in the ring's order from its start on; for a
+        non-convex polygon only its bounds, fingerprint and vertices are valid.
+    count : int
+        Vertices in the ring.
+    i, j : int
+        NOT_FINITE: i is the index of the received point. SPIKE: i is the vertex of the ring at
+        which the boundary folds back on itself. CROSSING: the edges that start at vertices i and
+        j of the ring share a point.
+    first : int
+        The index at which the vertices start in the array.
+
+    """
+    require_nearest(len(points))
+    return write_packed(points, len(points) // 2, scratch(len(points)), scratch(len(points)),
+                        packed, max_vertices, max_non_convex)
+
+
+@inner
+def write_packed(points, received, ring, walk, packed, max_vertices, max_non_convex):
+    """Pack some points as `pack` does, with room for as many in ring and walk."""
+    verdict, count, i, j = clean(points, received, ring, walk, max_vertices, max_non_convex)
+    first = 0
+    if verdict == CONVEX or verdict == NON_CONVEX:
+        first = HEADER + table_size(count)
+        packed[0] = ring[0]
+        packed[1] = ring[1]
+        packed[6] = 0.0
+        packed[2], packed[3], packed[4], packed[5] = bounds_of(ring, count)
+        if verdict == CONVEX:
+            _write_inner_disc(ring, count, packed)
+            _write_table(ring, count, packed)
+        packed[FINGERPRINT] = _fingerprint(packed)
+        if verdict == NON_CONVEX:
+            # Many non-convex bodies have the same bounds and first vertex.
+            for k in range(2 * count):
+                packed[FINGERPRINT] = 0.7 * packed[FINGERPRINT] + 0.2 * ring[k]
+    for k in range(2 * count):
+        packed[first + k] = ring[k]
+    return verdict, count, i, j, first
+
+
+@kernel
+def pack_convex(data, start, received, step, packed, max_vertices, affine):
+    """
+    Pack `moved_points`, if they make a convex polygon of no more vertices than are accepted.
+
+    Returned is their number, 0 if they do not.
+    """
+    points = moved_points(data, start, received, step, affine)
+    verdict, count, _, _, _ = pack(points, packed, max_vertices, 0)
+    return count if verdict == CONVEX else 0
+
+
+@kernel
+def moved_points(data, start, received, step, affine):
+    """Return x, y of points, given as `polygon.Points`, as a flat array."""
+    points = scratch(2 * received)
+    if step == PAIR:
+        move(words_and_doubles(data)[1], start // DOUBLE, step, received, affine, points)
+    else:
+        move(words_and_floats(data)[1], start // WORD, step, received, affine, points)
+    return points
+
+
+@inlined
+def move(values, first, step, received, affine, points):
+    """
+    Write x, y of points transformed by an affine map, of values from an index on.
+
+    A point takes `step` values, x and y first. Each coordinate is rounded four times, see
+    docs/exactness.md, lemma 14; not at all by UNMOVED.
+    """
+    a, b, c, d, e, f = affine
+    for i in range(received):
+        x = values[first + step * i]
+        y = values[first + step * i + 1]
+        points[2 * i] = a * x + b * y + c
+        points[2 * i + 1] = d * x + e * y + f
+
+
+@inner
+def _fingerprint(packed):
+    """Return a weighted sum; the weights add up to less than 1, so it is finite."""
+    return (0.04 * packed[0] + 0.11 * packed[1] + 0.03 * packed[2] + 0.07 * packed[3]
+            + 0.19 * packed[4] + 0.43 * packed[5] + 0.01 * packed[6])
+
+
+@inner
+def _write_inner_disc(ring, count, packed):
+    """
+    Write the centroid (paper section 2.2) if it is proved to lie in the polygon, and its disc.
+
+    The proofs need a point of the polygon. For slivers, segments and points, where rounding may
+    put the centroid outside, the vertex that was written before stays. The disc around it touches
+    the nearest edge, up to `_SHORTER`.
+    """
+    if count < 3:
+        return
+    x, y = centroid(ring, count)
+    extent = (packed[4] - packed[2]) + (packed[5] - packed[3])
+    radius = _INFINITY
+    certain = True
+    for i in range(count):
+        k = i + 1 if i + 1 < count else 0
+        if orient(ring[2 * i], ring[2 * i + 1], ring[2 * k], ring[2 * k + 1], x, y) < 0:
+            return
+        ex = ring[2 * k] - ring[2 * i]
+        ey = ring[2 * k + 1] - ring[2 * i + 1]
+        size = length(ex, ey)
+        height = (ex * (y - ring[2 * i + 1]) - ey * (x - ring[2 * i])) / size
+        certain = certain and height < _INFINITY and _LEAST_EDGE < size
+        radius = min(radius, height)
+    packed[0] = x
+    packed[1] = y
+    radius -= _SHORTER * (radius + extent)
+    if certain and _LEAST_RADIUS < radius:
+        packed[6] = radius
+
+
+@inner
+def _write_table(ring, count, packed):
+    """March around the boundary once while the axis turns once, sector by sector."""
+    size = table_size(count)
+    i = 0
+    for k in range(count):
+        if ring[2 * k + 1] < ring[2 * i + 1]:
+            i = k
+    for sector in range(4 * size):
+        turn = sector / size
+        if turn < 2.0:
+            uy = turn - 1.0
+            ux = 1.0 - abs(uy)
+        else:
+            uy = 3.0 - turn
+            ux = abs(uy) - 1.0
+        for _ in range(count):
+            k = i + 1 if i + 1 < count else 0
+            if ((ring[2 * k] - ring[2 * i]) * ux + (ring[2 * k + 1] - ring[2 * i + 1]) * uy
+                    <= 0.0):
+                break
+            i = k
+        place = table_place(0, sector)
+        if sector % 4 == 0:
+            packed[place] = 0.0
+        packed[place] += float((i // entry_step(count)) << (ENTRY_BITS * (sector % 4)))
+
+
+@inner
+def clean(points, received, ring, walk, max_vertices, max_non_convex):
+    """Write points as a ring, cleaned as `Polygon` says; return verdict, count, i, j of `pack`."""
+    verdict, count, clockwise, i = _classify(points, received, ring, walk)
+    j = i
+    if count > max_vertices or (verdict == NON_CONVEX and count > max_non_convex):
+        return TOO_MANY, count, i, j
+    if verdict == NON_CONVEX:
+        i, j = _first_crossing(ring, count)
+        if i >= 0:
+            return CROSSING, count, i, j
+    if clockwise and (verdict == CONVEX or verdict == NON_CONVEX):
+        _reverse(ring, count)
+    return verdict, count, i, j
+
+
+@inner
+def _classify(points, received, ring, walk):
+    """
+    Write the clean ring; return verdict, vertex count, clockwise and index.
+
+    It is convex if and only if it turns only left, or only right, and exactly one vertex is
+    lexicographically smaller than both neighbours (docs/exactness.md, lemma 12). A ring that is
+    NON_CONVEX here has still to be checked for crossings.
+    """
+    count, least = _drop_repeated(points, received, walk)
+    if count < 0:
+        return NOT_FINITE, 0, False, -1 - count
+    if count == 1:
+        ring[0] = walk[0]
+        ring[1] = walk[1]
+        return CONVEX, 1, False, -1
+    kept = 0
+    left = 0
+    minima = 0
+    spike = -1
+    turn_at_least = 0
+    before = least - 1 if least > 0 else count - 1
+    before_x = walk[2 * before]
+    before_y = walk[2 * before + 1]
+    for k in range(count):
+        i = least + k if least + k < count else least + k - count
+        x = walk[2 * i]
+        y = walk[2 * i + 1]
+        after = i + 1 if i + 1 < count else 0
+        after_x = walk[2 * after]
+        after_y = walk[2 * after + 1]
+        rises_to = before_x < x or (before_x == x and before_y < y)
+        rises_from = x < after_x or (x == after_x and y < after_y)
+        turn = orient(before_x, before_y, x, y, after_x, after_y)
+        if turn == 0 and rises_to != rises_from:
+            spike = i
+        if rises_from and not rises_to:
+            minima += 1
+        if k == 0:
+            turn_at_least = turn
+        if turn != 0:
+            ring[2 * kept] = x
+            ring[2 * kept + 1] = y
+            kept += 1
+            left += turn > 0
+        before_x = x
+        before_y = y
+    if kept == 0:
+        _span(walk, count, least, ring)
+        return CONVEX, 2, False, -1
+    if spike >= 0:
+        ring[0] = walk[2 * spike]
+        ring[1] = walk[2 * spike + 1]
+        return SPIKE, 1, False, 0
+    convex = minima == 1 and (left == kept or left == 0)
+    return (CONVEX if convex else NON_CONVEX), kept, turn_at_least < 0, -1
+
+
+@inner
+def _drop_repeated(points, received, walk):
+    """
+    Write points without consecutive repetitions; return their number and the index of the least.
+
+    The number is -1 - i if point i is not finite; the least point is so by x, then y.
+    """
+    count = 0
+    least = 0
+    for i in range(received):
+        # Adding zero turns -0.0 into 0.0, so that equal vertices have equal bytes.
+        x = points[2 * i] + 0.0
+        y = points[2 * i + 1] + 0.0
+        if x - x != 0.0 or y - y != 0.0:
+            return -1 - i, 0
+        if count == 0 or x != walk[2 * count - 2] or y != walk[2 * count - 1]:
+            walk[2 * count] = x
+            walk[2 * count + 1] = y
+            if x < walk[2 * least] or (x == walk[2 * least] and y < walk[2 * least + 1]):
+                least = count
+            count += 1
+    while count > 1 and walk[0] == walk[2 * count - 2] and walk[1] == walk[2 * count - 1]:
+        count -= 1
+    return count, least
+
+
+@inner
+def _span(walk, count, least, ring):
+    """Write the two ends of collinear points into the ring, given the index of the least."""
+    most = least
+    for i in range(count):
+        x = walk[2 * i]
+        if x > walk[2 * most] or (x == walk[2 * most] and walk[2 * i + 1] > walk[2 * most + 1]):
+            most = i
+    for k in range(2):
+        ring[k] = walk[2 * least + k]
+        ring[2 + k] = walk[2 * most + k]
+
+
+@inner
+def _first_crossing(ring, count):
+    """
+    Return two edges of the ring that share a point without being neighbours, or (-1, -1).
+
+    Edges are swept in order of their least x. Neighbours meet in their common vertex only,
+    because neither spikes nor collinear vertices are left.
+    """
+    least = scratch(count)
+    for i in range(count):
+        after = i + 1 if i + 1 < count else 0
+        least[i] = min(ring[2 * i], ring[2 * after])
+    order = _sorted(least, count)
+    for s in range(count):
+        i = order[s]
+        i_end = i + 1 if i + 1 < count else 0
+        ax = ring[2 * i]
+        ay = ring[2 * i + 1]
+        bx = ring[2 * i_end]
+        by = ring[2 * i_end + 1]
+        max_x = max(ax, bx)
+        min_y = min(ay, by)
+        max_y = max(ay, by)
+        for t in range(s + 1, count):
+            j = order[t]
+            if least[j] > max_x:
+                break
+            j_end = j + 1 if j + 1 < count else 0
+            cy = ring[2 * j + 1]
+            dy = ring[2 * j_end + 1]
+            if (cy < min_y and dy < min_y) or (cy > max_y and dy > max_y):
+                continue
+            if (i_end != j and j_end != i
+                    and segments_meet(ax, ay, bx, by, ring[2 * j], cy, ring[2 * j_end], dy)):
+                return i, j
+    return -1, -1
+
+
+@inner
+def _sorted(keys, count):
+    """Return the indices of count keys in the order of the keys (Shell sort)."""
+    order = scratch_integers(count)
+    for i in range(count):
+        order[i] = i
+    gap = count // 2
+    while gap > 0:
+        for i in range(gap, count):
+            moved = order[i]
+            k = i
+            while k >= gap and keys[order[k - gap]] > keys[moved]:
+                order[k] = order[k - gap]
+                k -= gap
+            order[k] = moved
+        # Not halved: that might compare odd indices only with each other until the last pass.
+        gap = (5 * gap - 1) // 11 if gap > 2 else gap // 2
+    return order
+
+
+@inner
+def _reverse(ring, count):
+    """Reverse the order of the vertices, keeping the first one first."""
+    for i in range(1, (count + 1) // 2):
+        j = count - i
+        for k in range(2):
+            ring[2 * i + k], ring[2 * j + k] = ring[2 * j + k], ring[2 * i + k]

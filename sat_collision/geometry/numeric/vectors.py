@@ -1,0 +1,114 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+"""Lengths, directions and centroids: rounded, the same with and without numba, at any scale."""
+
+import math
+
+from sat_collision.geometry.compiled.jit import inner, kernel
+
+# Between these magnitudes the third powers of coordinates neither overflow nor underflow; others
+# are multiplied by a power of two, which is exact.
+_LARGE = 2.0 ** 300
+_SMALL = 2.0 ** -300
+_MAX_SHIFT = 1000
+
+
+@kernel
+def length(x, y):
+    """Return the length of a vector, to one ulp (`math.hypot` differs between libraries)."""
+    scale = scale_to_one(max(abs(x), abs(y)))
+    x *= scale
+    y *= scale
+    return math.sqrt(x * x + y * y) / scale
+
+
+@kernel
+def unit(x, y):
+    """Return the unit vector in the direction of a vector, to a few ulp; zero for zero."""
+    scale = scale_to_one(max(abs(x), abs(y)))
+    x *= scale
+    y *= scale
+    size = math.sqrt(x * x + y * y)
+    if size == 0.0:
+        return x, y
+    return x / size, y / size
+
+
+@kernel
+def nearest_of_segment(ax, ay, bx, by):
+    """Return the distance of a segment a b from the origin and its nearest point's direction."""
+    ex, ey = unit(bx - ax, by - ay)
+    if not ax * ex + ay * ey < 0.0:
+        ux, uy = unit(ax, ay)
+        return length(ax, ay), ux, uy
+    if not bx * ex + by * ey > 0.0:
+        ux, uy = unit(bx, by)
+        return length(bx, by), ux, uy
+    height = ax * ey - ay * ex
+    if height < 0.0:
+        return -height, -ey, ex
+    return height, ey, -ex
+
+
+@kernel
+def centroid(ring, count):
+    """
+    Return x, y of the centroid of a polygon, for a segment its midpoint (paper section 2.2).
+
+    The ring is a flat array that begins with so many vertices, counter-clockwise.
+    """
+    largest = 0.0
+    for k in range(2 * count):
+        largest = max(largest, abs(ring[k]))
+    scale = scale_to_one(largest)
+    x0 = ring[0] * scale
+    y0 = ring[1] * scale
+    area = 0.0
+    moment_x = 0.0
+    moment_y = 0.0
+    for i in range(1, count - 1):
+        ax = ring[2 * i] * scale - x0
+        ay = ring[2 * i + 1] * scale - y0
+        bx = ring[2 * i + 2] * scale - x0
+        by = ring[2 * i + 3] * scale - y0
+        double_area = ax * by - ay * bx
+        area += double_area
+        moment_x += double_area * (ax + bx)
+        moment_y += double_area * (ay + by)
+    if area > 0.0:
+        # For slivers rounding may give anything, even an overflow.
+        min_x, min_y, max_x, max_y = bounds_of(ring, count)
+        return (min(max((x0 + moment_x / area / 3.0) / scale, min_x), max_x),
+                min(max((y0 + moment_y / area / 3.0) / scale, min_y), max_y))
+    # A point, a segment, or so thin that its area is lost.
+    x1 = ring[2 * count - 2] * scale
+    y1 = ring[2 * count - 1] * scale
+    return (x0 + (x1 - x0) / 2.0) / scale, (y0 + (y1 - y0) / 2.0) / scale
+
+
+@inner
+def bounds_of(points, count):
+    """Return min x, min y, max x, max y of so many points, given as a flat array."""
+    min_x = min_y = math.inf
+    max_x = max_y = -math.inf
+    for k in range(0, 2 * count, 2):
+        min_x = min(min_x, points[k])
+        max_x = max(max_x, points[k])
+        min_y = min(min_y, points[k + 1])
+        max_y = max(max_y, points[k + 1])
+    return min_x, min_y, max_x, max_y
+
+
+@kernel
+def scale_to_one(largest):
+    """Return a power of two that scales a magnitude so that products are safe; 1 if they are."""
+    if _SMALL < largest < _LARGE or largest in (0.0, math.inf):
+        return 1.0
+    _, exponent = math.frexp(largest)
+    return math.ldexp(1.0, max(-_MAX_SHIFT, min(_MAX_SHIFT, -exponent)))

@@ -1,0 +1,17 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""
+A body beside many: one compiled call answers for a whole set.
+
+set_kernels  which rows of a set meet a body, or are near it
+polygon_set  the public `PolygonSet`
+packed_set   a set whose user keeps track of rows
+run          write a run of messages into a set in one call
+"""

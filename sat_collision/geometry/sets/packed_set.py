@@ -1,0 +1,60 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""A set of bodies whose user keeps track of rows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from sat_collision.geometry.sets.polygon_set import PolygonSet
+from sat_collision.geometry.sets.run import Run, write_run
+
+
+class PackedSet(PolygonSet):
+    """
+    A PolygonSet for one thread that keeps track of rows itself: rows are not checked.
+
+    A wrong row overwrites memory. Rows may be empty, and bodies are given packed.
+    """
+
+    new_row = PolygonSet._new_row
+    place = PolygonSet._place
+    remove = PolygonSet._remove
+    polygon = PolygonSet._polygon
+    first_met = PolygonSet._first_met
+
+    def place_run(self, run: Run, rows: Any, first: int, limit: int, others: PackedSet,
+                  margin: float) -> int:
+        """Replace the bodies of rows by polygons of a run, see `write_run`; return how many."""
+        if self._queries:
+            self._forget_index()
+        count: int = write_run(run, self._array, rows, first, limit, others._array, margin)
+        return count
+
+    def nearest_rows(self, boxes: Iterable[tuple[float, float, float, float]],
+                     limit: int) -> list[int]:
+        """Return up to `limit` rows with a body: those whose bounds are nearest to any box."""
+        rows = np.flatnonzero(self._rows.n[:self._used_rows])
+        min_x, min_y, max_x, max_y = (column[rows] for column in self._rows[:4])
+        distances = np.full(len(rows), np.inf)
+        for low_x, low_y, high_x, high_y in boxes:
+            x = np.maximum(min_x - high_x, low_x - max_x).clip(0.0)
+            y = np.maximum(min_y - high_y, low_y - max_y).clip(0.0)
+            distances = np.minimum(distances, np.hypot(x, y))
+        nearest: list[int] = rows[np.argsort(distances, kind='stable')[:limit]].tolist()
+        return nearest
+
+    def hide(self, rows: Sequence[int]) -> None:
+        """Empty rows; each stays in use until it is filled again or removed."""
+        if self._queries:
+            self._forget_index()
+        self._rows.n[rows] = 0

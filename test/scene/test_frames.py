@@ -467,7 +467,7 @@ def test_number_of_recorded_answers():
 @pytest.mark.parametrize('seed', range(20))
 def test_random_trees_against_tf2(seed):
     """With late transforms, changes of parents and static frames."""
-    tf2 = pytest.importorskip('tf2_py')
+    tf2 = pytest.importorskip('tf2_py', reason='apt install ros-jazzy-tf2-py')
     from geometry_msgs.msg import TransformStamped
     from rclpy.duration import Duration
     from rclpy.time import Time

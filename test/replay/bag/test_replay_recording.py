@@ -358,7 +358,7 @@ class _Reader:
 def rosbag2_py(request, monkeypatch):
     """Hide the libraries that unpack, and provide rosbag2_py or a stand-in."""
     if request.param == 'real':
-        pytest.importorskip('rosbag2_py')
+        pytest.importorskip('rosbag2_py', reason='apt install ros-jazzy-rosbag2-py')
     else:
         stand_in = ModuleType('rosbag2_py')
         stand_in.__spec__ = ModuleSpec('rosbag2_py', None, origin='stand-in')
@@ -398,7 +398,7 @@ def test_recording_that_rosbag2_refuses_is_bad_input(tmp_path, rosbag2_py):
 
 def test_bag_is_written_by_rosbag2(tmp_path):
     """If rosbags is missing; the messages are the same."""
-    pytest.importorskip('rosbag2_py')
+    pytest.importorskip('rosbag2_py', reason='apt install ros-jazzy-rosbag2-py')
     bag = str(write(tmp_path / 'bag', TOUCHING))
     check(bag, Options(as_live=True, write_bag=str(tmp_path / 'a')))
     assert run_without(('rosbags',), bag, '--as-live', '--write-bag',

@@ -32,7 +32,7 @@ DRIVER = shutil.which('chromedriver')
 TIMEOUT = 60.0
 
 pytestmark = pytest.mark.skipif(not (CHROMIUM and DRIVER),
-                                reason='needs chromium and chromedriver')
+                                reason='install chromium and chromedriver')
 
 
 @pytest.fixture(scope='module')

@@ -33,11 +33,8 @@ from sat_collision.scene.velocity import Twist
 
 _OWN_CDR = {'little': b'\x00\x01\x00\x00', 'big': b'\x00\x00\x00\x00'}[sys.byteorder]
 _OWN_SIGN = {'little': '<', 'big': '>'}[sys.byteorder]
-_HEADER = struct.Struct('=4siII')  # encapsulation, seconds, nanoseconds, length of frame_id
-_HEADER_SIZE = _HEADER.size
-_read_header = _HEADER.unpack_from
+_HEADER_SIZE = 16  # encapsulation, seconds, nanoseconds, length of frame_id
 _read_count = struct.Struct('=I').unpack_from
-_read_id = struct.Struct('=q').unpack_from
 _read_stamp = struct.Struct('=4siI').unpack_from
 STAMP_SIZE = 12
 COUNT_SIZE = 4
@@ -55,7 +52,6 @@ _TWIST_SIZE = 8 * 6
 _LOSSES_SIZE = 8 * 2
 _COVARIANCE_SIZE = 8 * 36
 _SECOND = 1_000_000_000
-_NOT_UTF8 = 'a frame name is not UTF-8'
 
 # Decoded names of frames, kept because they repeat. Where a message is cut off within a name, its
 # transform is beyond the end, which is checked.
@@ -81,50 +77,24 @@ def decode(data: bytes, instance: bool) -> tuple[int, str, Points, int | None]:
 
     Return the stamp in ns, the frame_id, the points, and the id of a PolygonInstanceStamped.
     """
-    size = len(data)
-    if size < _HEADER_SIZE:
-        raise MessageError(f'{size} bytes where the header alone needs {_HEADER_SIZE}')
-    encapsulation, seconds, nanoseconds, length = _read_header(data)
-    text_end = _HEADER_SIZE + length
-    count_at = (text_end + 3) & ~3
-    points_at = count_at + COUNT_SIZE
-    # The first NUL must be the last byte of the string.
-    if (encapsulation != _OWN_CDR or length == 0 or points_at > size
-            or data.find(b'\0', _HEADER_SIZE, text_end) != text_end - 1):
-        return _decode_in_either_order(data, instance)
-    count, = _read_count(data, count_at)
-    end = points_at + count * POINT_SIZE
-    identity = None
-    if instance:
-        # Alignment counts from the end of the encapsulation, hence the 4.
-        id_at = ((end - 4 + 7) & ~7) + 4
-        end = id_at + _ID_SIZE
-        if end <= size:
-            identity, = _read_id(data, id_at)
-    _check_size(data, end)
     try:
-        frame_id = data[_HEADER_SIZE:text_end - 1].decode()
-    except UnicodeDecodeError as error:
-        raise MessageError(_NOT_UTF8) from error
-    if nanoseconds >= _SECOND:
-        raise _too_many_nanoseconds(nanoseconds)
-    return seconds * _SECOND + nanoseconds, frame_id, (data, points_at, count, TRIPLE), identity
-
-
-def _decode_in_either_order(data: bytes, instance: bool) -> tuple[int, str, Points, int | None]:
-    """Return the same as `decode`, with points in this machine's byte order."""
-    try:
-        order, stamp, frame_id, end = _read_either_header(data)
+        order, stamp, frame_id, end = _read_header(data)
         start = ((end + 3) & ~3) + COUNT_SIZE
         count, = order.count(data, start - COUNT_SIZE)
     except struct.error as error:
         raise MessageError('ends before its points do') from error
     end = start + count * POINT_SIZE
-    id_at = ((end - 4 + 7) & ~7) + 4
-    _check_size(data, id_at + _ID_SIZE if instance else end)
-    identity = order.identity(data, id_at)[0] if instance else None
-    points = np.frombuffer(data, f'{order.sign}f4', TRIPLE * count, start).astype(np.float32)
-    return stamp, frame_id, (points.tobytes(), 0, count, TRIPLE), identity
+    identity = None
+    if instance:
+        # Alignment counts from the end of the encapsulation, hence the 4.
+        end = ((end - 4 + 7) & ~7) + 4 + _ID_SIZE
+    _check_size(data, end)
+    if instance:
+        identity, = order.identity(data, end - _ID_SIZE)
+    if order.sign != _OWN_SIGN:
+        points = np.frombuffer(data, f'{order.sign}f4', TRIPLE * count, start)
+        data, start = points.astype(np.float32).tobytes(), 0
+    return stamp, frame_id, (data, start, count, TRIPLE), identity
 
 
 def decode_polygon_2d(data: bytes) -> tuple[int, str, Points, None]:
@@ -170,7 +140,7 @@ def decode_collection(data: bytes) -> tuple[int, str, RunPoints, None]:
 def _read_polygon_2d_header(data: bytes) -> tuple[int, str, bytes, int, _Order]:
     """Read a header: stamp, frame, the bytes from where alignment counts, its end, the order."""
     try:
-        order, stamp, frame_id, end = _read_either_header(data)
+        order, stamp, frame_id, end = _read_header(data)
     except struct.error as error:
         raise MessageError('ends before its header does') from error
     at = ((end + 3) & ~3) - _ENCAPSULATION_SIZE
@@ -228,11 +198,11 @@ def decode_transforms(data: bytes) -> list[StampedTransform]:
             seconds, nanoseconds, length = head(data, at)
             start = at + _STAMPED_SIZE
             at = start + length
-            parent = names.get(data[start:at]) or _name(data[start:at], length)
+            parent = names.get(data[start:at]) or _link_name(data[start:at], length)
             start = ((at + 3) & ~3) + COUNT_SIZE
             length, = link(data, start - COUNT_SIZE)
             at = start + length
-            child = names.get(data[start:at]) or _name(data[start:at], length)
+            child = names.get(data[start:at]) or _link_name(data[start:at], length)
             # Alignment counts from behind the encapsulation, hence the 4.
             at = ((at - 4 + 7) & ~7) + 4
             if nanoseconds >= _SECOND:
@@ -249,10 +219,11 @@ def decode_transforms(data: bytes) -> list[StampedTransform]:
 def decode_odometry(data: bytes) -> tuple[StampedTransform, Twist]:
     """Read an Odometry: its pose as a transform, and the twist in the child frame."""
     try:
-        order, stamp, parent, end = _read_either_header(data)
+        order, stamp, _, end = _read_header(data)
+        parent = _link_name(data[_HEADER_SIZE:end], end - _HEADER_SIZE)
         start = ((end + 3) & ~3) + COUNT_SIZE
         length, = order.count(data, start - COUNT_SIZE)
-        child = _name(data[start:start + length], length)
+        child = _link_name(data[start:start + length], length)
         at = ((start + length - 4 + 7) & ~7) + 4
         transform = order.transform(data, at)
     except struct.error as error:
@@ -269,7 +240,7 @@ def decode_path(data: bytes, most: int) -> tuple[int, str, NDArray[np.float64] |
     If there are more poses than `most`, their number stands for them.
     """
     try:
-        order, stamp, frame_id, end = _read_either_header(data)
+        order, stamp, frame_id, end = _read_header(data)
         at = ((end + 3) & ~3) + COUNT_SIZE
         count, = order.count(data, at - COUNT_SIZE)
         if count > most:
@@ -317,7 +288,7 @@ def _alike(data: bytes, begin: int, end: int, length: int, count: int) -> bytes:
 def decode_command(data: bytes) -> tuple[int, str, Twist]:
     """Read a TwistStamped: its stamp in ns, its frame and its twist."""
     try:
-        order, stamp, frame_id, end = _read_either_header(data)
+        order, stamp, frame_id, end = _read_header(data)
         at = ((end - 4 + 7) & ~7) + 4
         twist = order.twist(data, at)
     except struct.error as error:
@@ -356,12 +327,13 @@ def stamped(twist: bytes) -> bytes:
     return twist[:4] + bytes(_STAMPED_SIZE - COUNT_SIZE) + length + bytes(4) + twist[4:]
 
 
-def _read_either_header(data: bytes) -> tuple[_Order, int, str, int]:
+def _read_header(data: bytes) -> tuple[_Order, int, str, int]:
     """Read a header: its byte order, the stamp in ns, the frame, and where its name ends."""
     order = _order_of(data)
     seconds, nanoseconds, length = order.head(data, 4)
     end = _HEADER_SIZE + length
-    frame_id = _name(data[_HEADER_SIZE:end], length)
+    text = data[_HEADER_SIZE:end]
+    frame_id = _names.get(text) or _name(text, length)
     if nanoseconds >= _SECOND:
         raise _too_many_nanoseconds(nanoseconds)
     return order, seconds * _SECOND + nanoseconds, frame_id, end
@@ -383,18 +355,24 @@ def _text(data: bytes, at: int, order: _Order) -> tuple[str, int]:
     return data[at + COUNT_SIZE:end].rstrip(b'\0').decode(errors='replace'), (end + 3) & ~3
 
 
-def _name(text: bytes, length: int) -> str:
-    """Return the name that a string holds, cut off if shorter than its length; keep the name."""
+def _link_name(text: bytes, length: int) -> str:
+    """Return the name of a frame to keep: one that is too long is refused."""
     if length > LONGEST_FRAME_ID + 1:
         raise MessageError(f'a frame name of {length} bytes where {LONGEST_FRAME_ID} are accepted')
+    return _name(text, length)
+
+
+def _name(text: bytes, length: int) -> str:
+    """Return the name that a string holds, cut off if shorter than its length; keep the name."""
     # The first NUL must be the last byte of the string.
     if length == 0 or text.find(b'\0') != length - 1:
         raise MessageError('a frame name does not end where it says')
     try:
         name = text[:-1].decode()
     except UnicodeDecodeError as error:
-        raise MessageError(_NOT_UTF8) from error
+        raise MessageError('a frame name is not UTF-8') from error
     if len(_names) >= _MAX_NAMES:
         _names.clear()
-    _names[text] = name
+    if length <= LONGEST_FRAME_ID + 1:
+        _names[text] = name
     return name

@@ -118,7 +118,6 @@ class Outputs:
         self.configure(settings)
 
     def begin_measuring(self) -> None:
-        """Measure distances from now on."""
         self.measures = self._states.is_measured = True
 
     def configure(self, settings: Settings) -> None:
@@ -134,7 +133,6 @@ class Outputs:
         self._find_subscribers()
 
     def update(self, names: Iterable[str]) -> None:
-        """Update the states of footprints that have changed."""
         for name in names:
             if self._scene.status(name) in self._raising:
                 self._raised.add(name)

@@ -25,7 +25,6 @@ _QUATERNION = 'geometry_msgs/msg/Quaternion'
 
 
 def serialize(message: Any) -> bytes:
-    """Return the CDR bytes of a message."""
     return bytes(STORE.serialize_cdr(message, type(message).type_name))
 
 

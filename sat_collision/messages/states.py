@@ -72,7 +72,6 @@ class States:
         self._message = DiagnosticArray(status=list(self._statuses.values()))
 
     def update(self, scene: Scene, predictions: Mapping[str, Prediction | None] = {}) -> None:
-        """Write the states of all footprints."""
         polygons = dict(scene.footprints)
         for name in self._statuses:
             self.write(name, scene.state(name), coordinate_step(polygons.get(name)),
@@ -136,6 +135,5 @@ class States:
         return list(self._message.status)
 
     def message(self, stamp: Any) -> Any:
-        """Return the message as of a stamp."""
         self._message.header.stamp = stamp
         return self._message

@@ -64,32 +64,17 @@ class Contacts:
                 self.changed.add(footprint)
 
     def place_footprint(self, footprint: Footprint, where: PackedBody) -> None:
-        """Place or move a footprint."""
-        row = footprint.row
-        if row is None:
-            row = self._footprints.new_row(footprint)
-        met = self._footprints.polygons.place(row, where, self._obstacles.polygons, self.margin)
-        if met is not None:
-            footprint.moved()
-            if (met or footprint.contacts) and update_contacts(
-                    footprint, self._monitored(footprint, met)):
-                self.changed.add(footprint)
+        met = self._footprints.place(footprint, where, self._obstacles.polygons, self.margin)
+        if met is not None and update_contacts(footprint, self._monitored(footprint, met)):
+            self.changed.add(footprint)
 
-    def place_obstacle(self, obstacle: Obstacle, where: PackedBody) -> bool:
-        """Place or move an obstacle; return whether its body has changed."""
-        row = obstacle.row
-        if row is None:
-            row = self._obstacles.new_row(obstacle)
-        met = self._obstacles.polygons.place(row, where, self._footprints.polygons, self.margin)
-        if met is None:
-            return False
-        obstacle.moved()
-        if met or obstacle.contacts:
+    def place_obstacle(self, obstacle: Obstacle, where: PackedBody) -> None:
+        met = self._obstacles.place(obstacle, where, self._footprints.polygons, self.margin)
+        if met or met is not None and obstacle.contacts:
             footprints = self._footprints.bodies
             self.changed.update(update_contacts(obstacle, [
                 footprints[row] for row in met
                 if footprints[row].settings.monitors(obstacle.name.source)]))
-        return True
 
     def place_run(self, run: Run, rows: Any, first: int, limit: int) -> int:
         """Place a run until a body has no row or may meet a footprint; return how many."""
@@ -97,12 +82,10 @@ class Contacts:
             run, rows, first, limit, self._footprints.polygons, self.margin)
 
     def remove_footprint(self, footprint: Footprint) -> None:
-        """Remove a footprint, if it is placed."""
         if self._footprints.remove(footprint) and update_contacts(footprint, ()):
             self.changed.add(footprint)
 
     def remove_obstacle(self, obstacle: Obstacle) -> None:
-        """Remove an obstacle, if it is placed."""
         if self._obstacles.remove(obstacle) and obstacle.contacts:
             self.changed.update(update_contacts(obstacle, ()))
 
@@ -168,14 +151,12 @@ class Contacts:
         return found and (self._obstacles.bodies[found.row], found.pose, found.distance)
 
     def _unmonitored(self, footprint: Footprint) -> list[int]:
-        """Return the rows of the obstacles that a footprint does not monitor."""
         if not footprint.settings.obstacles:
             return []
         return [row for row, obstacle in self._obstacles.bodies.items()
                 if not footprint.settings.monitors(obstacle.name.source)]
 
     def _monitored(self, footprint: Footprint, rows: list[int]) -> list[Obstacle]:
-        """Return the obstacles of some rows that a footprint monitors."""
         obstacles = self._obstacles.bodies
         return [obstacles[row] for row in rows
                 if footprint.settings.monitors(obstacles[row].name.source)]
@@ -188,12 +169,17 @@ class _Placed(Generic[_Kind]):
         self.polygons = PackedSet()
         self.bodies: dict[int, _Kind] = {}
 
-    def new_row(self, body: _Kind) -> int:
-        """Give a body a row, into which it must be written at once."""
-        body.placed = self.polygons
-        body.row = self.polygons.new_row()
-        self.bodies[body.row] = body
-        return body.row
+    def place(self, body: _Kind, where: PackedBody, others: PackedSet,
+              margin: float) -> list[int] | None:
+        """Place or move a body; return the rows of others that it meets, None if it stayed."""
+        if body.row is None:
+            body.placed = self.polygons
+            body.row = self.polygons.new_row()
+            self.bodies[body.row] = body
+        met = self.polygons.place(body.row, where, others, margin)
+        if met is not None:
+            body.moved()
+        return met
 
     def remove(self, body: _Kind) -> bool:
         """Remove a body; return whether it was placed."""

@@ -105,7 +105,6 @@ class Footprint(Body[Obstacle]):
         return self._names
 
     def toggle(self, others: Collection[Obstacle]) -> None:
-        """Add the bodies that are not contacts yet, and remove those that are."""
         super().toggle(others)
         for other in others:
             name = other.name
@@ -187,7 +186,6 @@ class Footprint(Body[Obstacle]):
         self.evaluation = status, reasons
 
     def _faults_in_words(self) -> tuple[str, ...]:
-        """Return the faults of the footprint itself, as sentences."""
         faults = self._stream_faults
         if self.stale:
             if self.received is not None and self.received - (self.time or 0) > FAR:

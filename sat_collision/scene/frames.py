@@ -133,7 +133,6 @@ class Frames:
         self._maps.clear()
 
     def configure(self, max_gap: float, max_tilt: float) -> None:
-        """Apply other limits."""
         self._max_gap, self._max_tilt = max_gap, max_tilt
         self._maps.clear()
 
@@ -203,23 +202,23 @@ class Frames:
         A time before `oldest` is not accepted. One after `now` is used only if there is no other:
         a transform ahead of the clock must not shut out those after it.
         """
-        below, top = self._climb_newest(source, (target,))
-        above, common = self._climb_newest(target, below)
+        below, top = self._climb(source, None, (target,))
+        above, common = self._climb(target, None, below)
         if not top or common not in below:
             return self._explain(target, source, None)
-        time = min(above[common], below[common])
-        if time == NEVER:
+        path = chain(takewhile(common.__ne__, below), takewhile(common.__ne__, above))
+        stamps = [self._moving[frame].stamps for frame in path if frame in self._moving]
+        if not stamps:
             found = self.lookup(target, source, 0)
             return found._replace(at=None) if isinstance(found, Located) else found
+        time = min(one[-1] for one in stamps)
         if time > now:
-            path = chain(takewhile(common.__ne__, below), takewhile(common.__ne__, above))
-            time = min(stamps[max(bisect_right(stamps, now) - 1, 0)] for stamps in (
-                self._moving[frame].stamps for frame in path if frame in self._moving))
+            time = min(one[max(bisect_right(one, now) - 1, 0)] for one in stamps)
         if time < oldest:
             return NoTransform(
                 OLD_LATEST, f'no transform from {in_words(source)} to {in_words(target)}: the '
                 f'newest is past the timeout by {_seconds(oldest - time)}', True)
-        return self.lookup(target, source, int(time))
+        return self.lookup(target, source, time)
 
     def lookup_affine(self, target: str, source: str, stamp: int) -> Mapped | NoTransform:
         """Return as `lookup` does the map from the plane of a frame to that of another."""
@@ -241,12 +240,12 @@ class Frames:
 
     def is_carried(self, frame: str, other: str) -> bool:
         """Return whether one of two frames moves with the other, by their newest transforms."""
-        return (self._climb_newest(frame, (other,))[1] == other
-                or self._climb_newest(other, (frame,))[1] == frame)
+        return (self._climb(frame, None, (other,))[1] == other
+                or self._climb(other, None, (frame,))[1] == frame)
 
     def stamps(self, target: str, source: str, after: int, until: int) -> list[int]:
         """Return the sorted stamps, between two times, of the transforms above either frame."""
-        names = {*self._climb_newest(source)[0], *self._climb_newest(target)[0]}
+        names = {*self._climb(source, None)[0], *self._climb(target, None)[0]}
         return sorted({stamp for name in names & self._moving.keys()
                        for stamp in self._moving[name].stamps if after < stamp < until})
 
@@ -261,13 +260,14 @@ class Frames:
                 f'{in_words(target)}, more than {math.degrees(self._max_tilt):g}', False)
         return Mapped(affine_of(found.pose), found.at)
 
-    def _climb(self, frame: str, stamp: int,
+    def _climb(self, frame: str, stamp: int | None,
                ends: Container[str] = ()) -> tuple[_Steps, str]:
         """
         Collect the transforms at a time from a frame to its ancestors, up to one of the ends.
 
-        Return the steps, as far as `_Track.at` knows them, and the last frame, which is empty if
-        the frames form a circle.
+        Without a time the newest ones say which the ancestors are, and the steps mean nothing.
+        Return the steps, as far as they are known, and the last frame, which is empty if the
+        frames form a circle.
         """
         steps = {frame: IDENTITY}
         static, moving, max_gap = self._static, self._moving, self._max_gap
@@ -275,7 +275,10 @@ class Frames:
             found = static.get(frame)
             if found is None:
                 track = moving.get(frame)
-                found = track.at(stamp, max_gap) if track else None
+                if track is None:
+                    break
+                found = ((track.links[-1][0], IDENTITY) if stamp is None
+                         else track.at(stamp, max_gap))
                 if found is None:
                     break
             frame, step = found
@@ -283,29 +286,6 @@ class Frames:
                 return steps, ''
             steps[frame] = step
         return steps, frame
-
-    def _climb_newest(self, frame: str,
-                      ends: Container[str] = ()) -> tuple[dict[str, float], str]:
-        """
-        Collect the ancestors of a frame as `_climb` does, by the newest transforms.
-
-        Return for each the least stamp up to there, NEVER if all are static; and the last frame.
-        """
-        least = NEVER
-        passed = {frame: least}
-        while frame not in ends:
-            if frame in self._static:
-                frame = self._static[frame][0]
-            elif frame in self._moving:
-                track = self._moving[frame]
-                least = min(least, track.stamps[-1])
-                frame = track.links[-1][0]
-            else:
-                break
-            if frame in passed:
-                return passed, ''
-            passed[frame] = least
-        return passed, frame
 
     def _explain(self, target: str, source: str, stamp: int | None) -> NoTransform:
         """Say why there is no answer for a time, or for the newest."""
@@ -321,13 +301,9 @@ class Frames:
                                f'{only if known else "come yet"}', True)
         faults = []
         for name in (source, target):
-            passed: Collection[str]
-            if stamp is None:
-                passed, top = self._climb_newest(name)
-            else:
-                passed, top = self._climb(name, stamp)
-                if top in self._moving:
-                    faults.append(self._fault(top, stamp, f'{prefix} at its stamp'))
+            passed, top = self._climb(name, stamp)
+            if stamp is not None and top in self._moving:
+                faults.append(self._fault(top, stamp, f'{prefix} at its stamp'))
             if not top:
                 return NoTransform(LOOP, f'{prefix}: the parents of {in_words(name)} lead in a '
                                    f'circle: {_listed(passed)}', True)

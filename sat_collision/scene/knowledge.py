@@ -166,7 +166,6 @@ class Listings(Knowledge):
 
     @property
     def groups(self) -> list[ObstacleGroup]:
-        """The groups of obstacles that are held."""
         return [one.group for one in self._held]
 
     @property
@@ -378,7 +377,6 @@ class Refreshed(Knowledge):
 
     @property
     def groups(self) -> list[ObstacleGroup]:
-        """The groups of obstacles that are held."""
         return [*([] if self.by_id is None else [self.by_id]), *self._parts.values()]
 
     @property

@@ -201,7 +201,6 @@ class Scene(SceneView):
         self._sources[name].track(instance, stamp or now, vertices)
 
     def command(self, name: str, command: Command) -> None:
-        """Receive the velocity command of a footprint."""
         self._footprints[name].command = command
 
     def note_command_fault(self, name: str, fault: str) -> None:
@@ -306,7 +305,6 @@ class Scene(SceneView):
             self._follow_up(source)
 
     def receive_number(self, name: str, number: int, now: int) -> None:
-        """Record the sequence number of a message of a footprint."""
         footprint = self._footprints[name]
         if footprint.stream.receive(number, now) is not CONTINUES:
             self.pass_time(now)
@@ -315,7 +313,6 @@ class Scene(SceneView):
                 self._evaluate()
 
     def update_publishers(self, name: str, endpoints: Sequence[Endpoint]) -> None:
-        """Update the publishers of a footprint or source."""
         if source := self._sources.get(name):
             source.update_publishers(endpoints, self._now)
             self._follow_up(source)
@@ -447,7 +444,6 @@ class Scene(SceneView):
             source.middleware = name
 
     def take_changes(self) -> Changes:
-        """Return what has changed since the last call."""
         changes = Changes([], [])
         if not self._evaluated:
             return changes

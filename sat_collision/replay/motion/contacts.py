@@ -175,10 +175,13 @@ class ContactTracker:
                 del self._touching[name]
         for i in near:
             contact = self._touching.pop(names[motion.rows[i]], None)
+            after: Bodies | None = None
             for begin, end, piece in self._trajectory.pieces(int(motion.starts[i]),
                                                              int(motion.finishes[i])):
-                if contact is not None and contact.last != begin:
+                if contact is not None and (
+                        contact.last != begin or after not in (None, piece.before)):
                     contact = None
+                after = piece.after
                 try:
                     contact = self._cross(_Pair(piece, motion, i, begin, end), contact)
                 except PolygonError:

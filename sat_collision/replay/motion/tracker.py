@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from bisect import bisect_right, insort
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Sequence, Set
 from dataclasses import dataclass
 from itertools import chain, compress, count, pairwise, repeat, takewhile
@@ -309,9 +309,12 @@ class KeyTracker(Tracker):
         # The stamps of all messages of that group, and the last one before it.
         self._times: list[int] = []
         self._heard: int | None = None
-        # Listing and stamp of the last message, if it has no listing the place among those of its
-        # stamp; and the last whole listing.
+        # Listing and stamp of the last message; its place in the listing, without one among those
+        # of its stamp, and how often each id came there; and the last whole listing.
         self._listing = self._stamp = self._place = self._whole = 0
+        self._counts: Counter[int] = Counter()
+        # Where ids are besides their first place of a stamp.
+        self._beside: set[ObstacleId] = set()
         # When shapes were sent that had not been there before.
         self._appeared: list[int] = []
         self._is_first = True
@@ -323,6 +326,7 @@ class KeyTracker(Tracker):
         if placement.listing != self._listing or not (placement.listing or (
                 placement.stamp == self._stamp)):
             self._place = 0
+            self._counts.clear()
         # The stamp of an empty polygon after others means nothing.
         if placement.listing != self._listing or not placement.is_empty:
             self._listing, self._stamp = placement.listing, placement.stamp
@@ -361,7 +365,11 @@ class KeyTracker(Tracker):
     def _name(self, placement: Placement) -> ObstacleId:
         """Return the name of a body: its id, else the place where its shape was sent first."""
         if placement.instance:
-            return ObstacleId(self.name, placement.instance)
+            name = ObstacleId(self.name, placement.instance, -self._counts[placement.instance])
+            self._counts[placement.instance] += 1
+            if name.number and not placement.listing:
+                self._beside.add(name)
+            return name
         key = placement.shape, placement.affine
         if key not in self._shapes:
             if len(self._shapes) > 2 * len(self._seen) + len(self._pending) + _MAX_FORGOTTEN:
@@ -395,7 +403,7 @@ class KeyTracker(Tracker):
             if end > stamp:
                 found[id(bodies)] = bodies
                 standing[id(bodies)][row] = end
-            if name.number and not listing and (is_forgotten or is_over):
+            if name.number > 0 and not listing and (is_forgotten or is_over):
                 # The first new one since may be the same, elsewhere.
                 k = bisect_right(self._appeared, seen_at)
                 if k < len(self._appeared):
@@ -455,9 +463,19 @@ class KeyTracker(Tracker):
                     if last.seen_at < stamp and not np.array_equal(
                             last.bodies.ring(last.row), seen.ring(row)):
                         self._miss(last.seen_at, stamp)
-            elif name.number and not one.listing and not self._is_first:
+            elif name.number > 0 and not one.listing and not self._is_first:
                 insort(self._appeared, stamp)
             self._seen[name] = _Sighting(seen, row, one.listing, stamp, stamp)
+        gone = []
+        for name in self._beside.difference(pending):
+            newer, last = pending.get(name._replace(number=0)), self._seen.get(name)
+            if newer and last and newer.stamp > last.seen_at:
+                found[id(last.bodies)] = last.bodies
+                if last.stamp < newer.stamp:
+                    standing[id(last.bodies)][last.row] = newer.stamp
+                gone.append(name)
+                del self._seen[name]
+        self._beside &= self._seen.keys()
         self._is_first = False
         if self._appeared and self._timeout < NEVER:
             # Of no use for bodies that are still there.
@@ -467,4 +485,4 @@ class KeyTracker(Tracker):
             rows, next_rows = np.array(pairs, np.int64).T
             motions.append(motion_between(found[key], seen, np.ascontiguousarray(rows),
                                           np.ascontiguousarray(next_rows)))
-        self._emit(self, Step(motions, seen, (), seen.end))
+        self._emit(self, Step(motions, seen, gone, seen.end))

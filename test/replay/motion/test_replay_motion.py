@@ -404,13 +404,37 @@ def test_every_footprint_of_a_stamp_counts(tmp_path, middle):
     assert since(result, contact.first, contact.last) == [1.0, 1.0]
 
 
-def test_footprint_sent_again_is_one_contact(tmp_path):
-    """The same footprint with the same stamp says nothing new."""
+@pytest.mark.parametrize('again, contacts', [
+    ([0, 0], [[0.0, 1.9]]), ([3, 0], [[0.0, 1.9]]),
+    ([0, 3], [[0.0, 1.0], [1.05, 1.9]]), ([3], [[0.0, 1.0], [1.05, 1.9]])])
+@pytest.mark.parametrize('turned', [0, 1])
+def test_footprint_sent_again_counts_once(tmp_path, again, contacts, turned):
+    """Several with one stamp: the way leads to the first, and goes on from the last."""
     times = [k / 10 for k in range(20)]
-    result = run(tmp_path, [at(time, box(0), topic='/footprint') for time in times + [1.0] * 2]
+    ring = box(0)[turned:] + box(0)[:turned]
+    result = run(tmp_path, [at(time, box(0), topic='/footprint') for time in times]
+                 + [at(1.0, [(x + dx, y) for x, y in ring], topic='/footprint') for dx in again]
                  + [at(time, box(0.5)) for time in times])
-    contact, = result.contacts
-    assert since(result, contact.first, contact.last) == [0.0, 1.9]
+    assert [since(result, one.first, one.last) for one in result.contacts] == [
+        pytest.approx(one) for one in contacts]
+    assert result.footprints[0].collision == sum(
+        one.last - one.first for one in result.contacts)
+
+
+@pytest.mark.parametrize('first, second', [(5.0, 0.5), (0.5, 5.0), (0.5, 0.5)])
+def test_both_places_of_an_id_count_until_its_next_stamp(tmp_path, first, second):
+    """One of two with a stamp is linked to the next, the other stands until then, as live."""
+    places = [(k / 10 + 0.03, 5.0) for k in range(30)]
+    places[10:11] = [(1.03, first), (1.03, second)]
+    messages = samples([0.0] * 30) + [
+        ('/tracks', time + 0.001 * (k == 11), serialised(
+            box(x), START + round(time * SECOND), instance=1))
+        for k, (time, x) in enumerate(places)]
+    result = run(tmp_path, messages, None)
+    assert [since(result, one.first, one.last) for one in result.contacts] == [pytest.approx(
+        [1.03 if first > 1 else 1.03 - 0.1 / 9, 1.13 if second < 1 else 1.03 + 0.1 / 9])]
+    assert all(any(one.first <= contact.first <= one.last for one in result.contacts)
+               for contact in run_again(tmp_path, as_live=True).contacts)
 
 
 def test_obstacle_in_another_frame_is_no_contact(tmp_path):

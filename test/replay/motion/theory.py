@@ -10,6 +10,7 @@
 """Compare random recordings with the oracle of recorded motion: `make motion`."""
 
 import argparse
+from pathlib import Path
 import tempfile
 
 from test_replay_theory import compare, FORMS
@@ -18,11 +19,11 @@ from test_replay_theory import compare, FORMS
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--recordings', type=float, default=1e6)
-    for number in range(int(parser.parse_args().recordings)):
-        with tempfile.TemporaryDirectory() as folder:
-            compare(number, FORMS[number % len(FORMS)], f'{folder}/bag')
-        if (number + 1) % 1000 == 0:
-            print(f'{number + 1} recordings agree', flush=True)
+    with tempfile.TemporaryDirectory() as folder:
+        for number in range(int(parser.parse_args().recordings)):
+            compare(number, FORMS[number % len(FORMS)], Path(folder, 'recording'))
+            if (number + 1) % 1000 == 0:
+                print(f'{number + 1} recordings agree', flush=True)
 
 
 if __name__ == '__main__':

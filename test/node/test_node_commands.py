@@ -78,7 +78,7 @@ def test_time_to_collision_follows_the_command(start_with_tf, message, qos):
     robot.until(lambda: math.isnan(robot.times[-1].data), 'no time')
     publisher = running.publisher('cmd_vel', type(message), qos)
     robot.until_predicted(message, publisher)
-    assert f'{type(message).__name__} on /cmd_vel' in running.logged('footprint.cmd_vel')[0]
+    assert running.logged(f'footprint.cmd_vel: {type(message).__name__} on /cmd_vel')
     robot.until(lambda: robot.velocity().startswith('unknown: no command on /cmd_vel for 0.'),
                 'an end')
     robot.until(lambda: math.isnan(robot.times[-1].data), 'no time')

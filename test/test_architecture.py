@@ -125,6 +125,14 @@ def test_files_and_argument_lists_are_short():
                 assert len(taken) <= limit, f'{path}:{node.lineno}: {len(taken)} arguments'
 
 
+def test_names_in_pictures_of_the_ways_are_files():
+    text = (ROOT / 'docs' / 'ARCHITECTURE.md').read_text()
+    pictures = re.findall(r'^## The way .*?```mermaid\n(.*?)```', text, re.DOTALL | re.MULTILINE)
+    names = re.findall(r'[\w/]+\.py', ' '.join(pictures))
+    assert len(pictures) == 2
+    assert all((ROOT / 'sat_collision' / name).is_file() for name in names)
+
+
 @pytest.mark.parametrize('path', documents(), ids=lambda path: path.name)
 def test_generated_documents_are_up_to_date(path):
     """If this fails, run `make docs`."""

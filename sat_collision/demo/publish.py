@@ -11,13 +11,12 @@
 Publish something to try the node with: a robot that drives into a post and out again.
 
 Its topics are those of a node without parameters: `footprint`, and `obstacles`, where an empty
-polygon ends each set.
+polygon ends each set. What the node says of the robot is printed.
 """
 
 from __future__ import annotations
 
 from contextlib import suppress
-from itertools import count
 import math
 import sys
 import time
@@ -32,6 +31,7 @@ _POST = (1.0, -0.1), (1.2, -0.1), (1.2, 0.1), (1.0, 0.1)
 def main() -> int:
     """Publish until the process is interrupted; return the exit status."""
     try:
+        from diagnostic_msgs.msg import DiagnosticArray
         from geometry_msgs.msg import Point32, PolygonStamped
         import rclpy
         from rclpy.signals import SignalHandlerOptions
@@ -43,17 +43,31 @@ def main() -> int:
     node = rclpy.create_node('robot_and_post')
     footprints, obstacles = (node.create_publisher(PolygonStamped, topic, 10)
                              for topic in ('footprint', 'obstacles'))
+    start = time.monotonic()
+    said = ''
+
+    def publish() -> None:
+        x = 0.5 - 0.5 * math.cos(time.monotonic() - start)
+        for publisher, outline, shift in ((footprints, _ROBOT, x), (obstacles, _POST, 0.0),
+                                          (obstacles, (), 0.0)):
+            message = PolygonStamped()
+            message.header.stamp = node.get_clock().now().to_msg()
+            message.header.frame_id = 'map'
+            message.polygon.points = [Point32(x=a + shift, y=b) for a, b in outline]
+            publisher.publish(message)
+
+    def tell(states: DiagnosticArray) -> None:
+        nonlocal said
+        if (now := states.status[0].message) != said:
+            said = now
+            print(f'/footprint_monitor: {now}', flush=True)
+
+    node.create_timer(_PERIOD, publish)
+    node.create_subscription(DiagnosticArray, 'footprint_monitor/state', tell, 10)
+    print('publishing /footprint, of a robot, and /obstacles, of a post; the node says of the '
+          'robot:', flush=True)
     with suppress(KeyboardInterrupt):
-        for step in count():
-            x = 0.5 - 0.5 * math.cos(step * _PERIOD)
-            for publisher, outline, shift in ((footprints, _ROBOT, x), (obstacles, _POST, 0.0),
-                                              (obstacles, (), 0.0)):
-                message = PolygonStamped()
-                message.header.stamp = node.get_clock().now().to_msg()
-                message.header.frame_id = 'map'
-                message.polygon.points = [Point32(x=a + shift, y=b) for a, b in outline]
-                publisher.publish(message)
-            time.sleep(_PERIOD)
+        rclpy.spin(node)
     rclpy.shutdown()
     return 0
 

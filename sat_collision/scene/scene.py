@@ -39,7 +39,8 @@ _AGREEMENT = 10**9
 # is called more often than that.
 _AHEAD = 0.5
 _DISABLED = 'checking is disabled'
-_NO_CLOCK = 'no clock yet: the time reads 0, as with use_sim_time before the first /clock'
+_NO_CLOCK = ('no clock yet: the time reads 0, as with use_sim_time before the first /clock: '
+             'publish /clock, or set use_sim_time to false')
 _NO_SOURCE = 'no obstacle source is enabled'
 _NONE_OF_THEM = 'none of its obstacle sources is enabled'
 _NOT_RECEIVED = 'has not been received yet'

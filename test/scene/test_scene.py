@@ -110,6 +110,7 @@ def test_unknown_until_the_clock_starts():
     stage.see(0.5)
     assert stage.status() == 'unknown'
     assert stage.state().reasons[0].startswith('no clock yet')
+    assert stage.state().reasons[0].endswith('publish /clock, or set use_sim_time to false')
     assert stage.scene.take_changes().changed == ['robot']
     stage.start = 1000.0
     stage.wait_until(0.0)

@@ -181,7 +181,9 @@ def settings_for(types: Mapping[str, str], parameters: Mapping[str, object],
     settings = settings_so_far()
     taken = {source.topic for kind in said for source in getattr(settings, kind)}
     free = {topic: kind for topic, kind in polygons.items() if topic not in taken}
-    for kind, topic in _detected(free, [kind for kind in defaults if kind not in said]).items():
+    missing = taken.difference(types)
+    for kind, topic in _detected(free, [kind for kind in defaults if kind not in said],
+                                 missing).items():
         values.update(_named(kind, [topic], defaults[kind].name))
     settings = settings_so_far()
     sources: tuple[FootprintSettings | ObstacleSettings, ...] = (
@@ -265,8 +267,9 @@ def _named(kind: str, topics: Iterable[str], default: str) -> dict[str, object]:
     return {kind: list(sources), **{f'{name}.topic': topic for name, topic in sources.items()}}
 
 
-def _detected(polygons: Mapping[str, str], kinds: list[str]) -> dict[str, str]:
-    """Return the topic detected for each kind, if any."""
+def _detected(polygons: Mapping[str, str], kinds: list[str], missing: set[str]
+              ) -> dict[str, str]:
+    """Return the topic detected for each kind, if any; a refusal names what is missing."""
     found: dict[str, str] = {}
     is_certain = True
     if 'footprints' in kinds:
@@ -282,6 +285,7 @@ def _detected(polygons: Mapping[str, str], kinds: list[str]) -> dict[str, str]:
     if not is_certain:
         listed = ', '.join(f'{topic} ({_TYPES[kind]})' for topic, kind in polygons.items())
         options = ' and '.join(_OPTIONS[kind] for kind in kinds)
-        raise ParameterError('cannot tell which topics are footprints and which are obstacles: '
-                             f'choose with {options} from {listed}')
+        absent = ''.join(f'the recording has no topic {topic}; ' for topic in sorted(missing))
+        raise ParameterError(f'{absent}cannot tell which topics are footprints and which are '
+                             f'obstacles: choose with {options} from {listed}')
     return found

@@ -186,6 +186,11 @@ def test_ambiguous_topics_are_listed(types):
     assert all(topic in str(error.value) for topic in types if topic != '/footprint')
 
 
+def test_refusal_names_given_topics_that_are_missing():
+    with pytest.raises(ParameterError, match='^the recording has no topic /robt; cannot tell'):
+        settings_for({'/robot': POLYGON, '/people': POLYGON}, {}, footprints=('/robt',))
+
+
 def test_topics_can_be_given():
     """With and without a name; the others are still found."""
     types = {'/a': POLYGON, '/b': POLYGON, '/c': INSTANCE}

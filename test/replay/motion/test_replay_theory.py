@@ -175,21 +175,24 @@ class Recorded:
                                 or times[n + 1] - ends[n] > TIMEOUT):
                 self.undetermined.append((times[n], ends[n + 1]))
 
+    def messages_of_bag(self, delays=(0, 0)):
+        """Return (topic, when it is received, bytes) of all; topics have delays, in ns."""
+        messages = [(time + delays[topic != '/footprint'], place, topic, time, k, x)
+                    for place, (topic, time, k, x) in enumerate(self.messages)]
+        return [(topic, received, serialised(
+            [] if k is None else outline(x, 0, 0, 2001) if topic == '/footprint' else (
+                outline(x, k, 1000 * k, 1)),
+            START + time, instance=k + 1 if topic == '/tracks' else None))
+            for received, _, topic, time, k, x in sorted(messages)]
+
     def written(self, path, delays=(0, 0)):
-        """Write it as an MCAP file; the topics are received with delays, in ns."""
+        """Write it as an MCAP file."""
         kind = INSTANCE if self.form == 'ids' else POLYGON
         parts = [schema(1), schema(2, kind), channel(1, b'/footprint'),
                  channel(2, b'/tracks' if self.form == 'ids' else b'/obstacles', 2)]
-        messages = [(time + delays[topic != '/footprint'], place, topic, time, k, x)
-                    for place, (topic, time, k, x) in enumerate(self.messages)]
-        for received, _, topic, time, k, x in sorted(messages):
-            is_own = topic == '/footprint'
-            points = [] if k is None else outline(x, 0, 0, 2001) if is_own else (
-                outline(x, k, 1000 * k, 1))
-            instance = k + 1 if topic == '/tracks' else None
-            parts.append(record(MESSAGE, struct.pack(
-                '<HIQQ', 1 if is_own else 2, 0, START + received, START + received) + serialised(
-                    points, START + time, instance=instance)))
+        parts += [record(MESSAGE, struct.pack(
+            '<HIQQ', 1 if topic == '/footprint' else 2, 0, START + received, START + received)
+            + data) for topic, received, data in self.messages_of_bag(delays)]
         path = path.with_suffix('.mcap')
         path.write_bytes(mcap_of(*parts))
         return path

@@ -361,7 +361,7 @@ def test_empty_polygon_needs_no_transform(robot):
 def test_messages_that_wait_are_limited_in_number_and_bytes(
         robot, monkeypatch, most_bytes, waiting):
     """To twice the max_count of a source; the first ones are refused, and the source unknown."""
-    monkeypatch.setattr('sat_collision.monitor._BYTES_WAIT', most_bytes)
+    monkeypatch.setattr('sat_collision.messages.waiting._BYTES_WAIT', most_bytes)
     robot.wait_until(1.01)
     for k in range(12):
         robot.see(box(9 + k), 1.01, instance=1 + k % 5)

@@ -16,11 +16,9 @@ import pytest
 from sat_collision.monitor import Monitor
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.footprints import Status
-from sat_collision.scene.obstacle_store import Followed
 from sat_collision.scene.scene import FROM_FUTURE
 from sat_collision.scene.settings import FootprintSettings, NEVER, Settings
 from sat_collision.scene.sources import Source, TOO_OLD
-from sat_collision.scene.streams import Endpoint
 from stage import (
     EVERY_KIND, INSTANCES, known_stage, LIDAR, LIDAR_SAYS, nanoseconds, NOTHING_SENT, pass_by,
     POLYGONS, RADAR, REFRESHED, REFUSED, SILENT, square, Stage, START, status_and_reasons,
@@ -78,66 +76,6 @@ def test_run_with_the_stamp_of_the_set_before_counts_from_it():
     for time, status in ((2.0, Status.CLEAR), (2.001, Status.UNKNOWN)):
         monitor.advance(begin + nanoseconds(time))
         assert monitor.scene.status('robot') is status
-
-
-@pytest.mark.parametrize('back', [0.0, 0.5, 3600.0])
-def test_map_sent_again_after_its_clock_went_back_is_whole(back):
-    """Also where our clock goes back with it; of the map before nothing stays."""
-    stage = with_robot(UNTIMED_LIDAR)
-    stage.send(0.5, 20)
-    stage.wait_until(-back)
-    stage.robot()
-    assert status_and_reasons(stage) == ('collision', ())
-    stage.send(0.5, 20, stamp=-7200.0)
-    assert status_and_reasons(stage) == ('collision', ())
-    assert stage.held == {0: 0.5, 1: 20}
-    stage.send(20, 30, stamp=-7201.0)
-    assert status_and_reasons(stage) == ('clear', ())
-    assert stage.held == {0: 20, 1: 30}
-
-
-def test_map_follows_its_frame():
-    """Its static transform is corrected; where it is not valid any more it is not known."""
-    stage = with_robot(UNTIMED_LIDAR)
-    stage.scene.obstacle('lidar', Followed(square(10).packed, ('map2', 'points')), 'map',
-                         stage.now, stage.now, None, stage.number('lidar'))
-    stage.see(20)
-    stage.end()
-    assert stage.status() == 'clear' and stage.scene.map_frames('lidar') == {'map2'}
-    stage.scene.follow_frame('lidar', 'map2', lambda sent: square(0.5).packed)
-    assert stage.status() == 'collision' and stage.held == {0: 0.5, 1: 20}
-    stage.scene.follow_frame('lidar', 'map2', lambda sent: None)
-    assert status_and_reasons(stage) == ('unknown', (
-        LIDAR_SAYS + 'has not sent a whole map since a part of it is not valid where its frame '
-        'has moved',))
-    stage.send(10)
-    assert status_and_reasons(stage) == ('clear', ())
-
-
-@pytest.mark.parametrize('pass_by_time', [True, False])
-def test_map_in_a_frame_that_is_not_known_is_not_known(pass_by_time):
-    """Its transform is past the footprint's timeout, or of a clock that went back since."""
-    stage = with_robot(UNTIMED_LIDAR)
-    stage.send(10)
-    stage.scene.limit_frames('lidar', '', stage.stamp(5.0))
-    stage.wait_until(5.0)
-    assert status_and_reasons(stage) == ('clear', ())
-    stage.wait_until(5.001 if pass_by_time else -5.0)
-    stage.robot()
-    assert status_and_reasons(stage) == (
-        'unknown', (LIDAR_SAYS + 'is a map in a frame whose transform is too old',))
-    stage.scene.limit_frames('lidar', '', stage.stamp(60.0))
-    assert status_and_reasons(stage) == ('clear', ())
-
-
-def test_map_of_more_than_half_of_max_count_is_sent_again():
-    stage = with_robot(replace(UNTIMED_LIDAR, max_count=3))
-    for first in (10, 11, 12):
-        for x in (first, 20, 30):
-            assert stage.see(x) is None
-        stage.end()
-        assert status_and_reasons(stage) == ('clear', ())
-    assert stage.held == {0: 12, 1: 20, 2: 30}
 
 
 @pytest.mark.parametrize('instance', [0, 7])
@@ -337,14 +275,6 @@ def test_stamps_that_fall_by_more_than_the_timeout_begin_anew(settings):
     assert status_and_reasons(stage) == ('clear', ())
 
 
-def test_stamps_of_a_map_may_fall():
-    stage = with_robot(UNTIMED_LIDAR)
-    for stamp in (0.0, -5000.0):
-        stage.send(10, stamp=stamp)
-        assert status_and_reasons(stage) == ('clear', ())
-    assert stage.held == {0: 10}
-
-
 @EVERY_KIND
 def test_clock_that_went_back_by_much_begins_anew(settings):
     """A publisher that hangs over it is unknown, not clear."""
@@ -364,18 +294,6 @@ def test_clock_that_went_back_by_much_begins_anew(settings):
         stage.see(10, instance=1)
         stage.end()
     assert status_and_reasons(stage) == ('clear', ())
-
-
-def test_open_update_of_a_map_makes_it_unknown_though_the_clock_goes_back():
-    """Its publisher has begun to send another one, and died."""
-    for back in (1.001, -3600.0):
-        stage = with_robot(UNTIMED_LIDAR)
-        stage.send(10)
-        stage.see(20)
-        stage.wait_until(back)
-        stage.robot()
-        assert status_and_reasons(stage) == ('unknown', (
-            LIDAR_SAYS + 'has not sent a whole map since it began to send another one',))
 
 
 # --- refused
@@ -465,27 +383,6 @@ def test_memory_is_bounded_by_max_count(settings):
 # --- publishers
 
 
-def test_map_of_which_a_part_was_lost_is_requested_again():
-    """Its publisher keeps what it has sent: number 1 comes again."""
-    stage = with_robot(UNTIMED_LIDAR)
-    stage.publish_by('a')
-    assert stage.scene.wants_history('lidar'), 'it may have sent its map already'
-    stage.see(10)
-    assert not stage.scene.wants_history('lidar')
-    stage.lose()
-    stage.see(20)
-    assert stage.scene.wants_history('lidar')
-    stage.publish_by('a', 'b')
-    assert not stage.scene.wants_history('lidar'), 'of two'
-    stage.publish_by('a')
-    stage.restart()
-    stage.scene.renew('lidar')
-    stage.send(10, 20, 30)
-    assert status_and_reasons(stage) == ('clear', ())
-    assert sorted(stage.held.values()) == [10, 20, 30]
-    assert not stage.scene.wants_history('lidar')
-
-
 def test_lost_footprints_are_only_counted():
     stage = known_stage(LIDAR)
     stage.lose(name='robot')
@@ -510,37 +407,6 @@ def test_restarted_publisher_must_send_all_by_itself(settings):
         stage.see(10, instance=1)
         stage.end()
         assert stage.status() == ('clear' if settings is LIDAR and status == 'unknown' else status)
-
-
-def test_map_stays_until_a_new_publisher_sends_a_whole_one():
-    stage = with_robot(UNTIMED_LIDAR)
-    stage.publish_by('a')
-    stage.send(0.5)
-    stage.publish_by()
-    stage.wait_until(100.0)
-    assert status_and_reasons(stage) == ('collision', (LIDAR_SAYS + 'has no publisher',))
-    stage.publish_by('b')
-    stage.restart()
-    stage.see(10)
-    assert stage.status() == 'collision'
-    stage.end()
-    assert status_and_reasons(stage) == ('clear', ())
-    assert list(stage.held.values()) == [10]
-
-
-def test_map_of_a_killed_publisher_stays_until_its_lease_ends():
-    """Until then it counts beside the whole map of the respawned node."""
-    stage = with_robot(UNTIMED_LIDAR)
-    killed, respawned = Endpoint('a', '/map'), Endpoint('b', '/map')
-    stage.scene.update_publishers('lidar', [killed])
-    stage.send(0.5)
-    stage.scene.update_publishers('lidar', [killed, respawned])
-    stage.restart()
-    stage.send(10)
-    assert status_and_reasons(stage) == ('collision', ())
-    stage.scene.update_publishers('lidar', [respawned])
-    assert status_and_reasons(stage) == ('clear', ())
-    assert list(stage.held.values()) == [10]
 
 
 @EVERY_KIND

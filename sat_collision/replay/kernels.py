@@ -95,10 +95,14 @@ def main() -> int:
         prepare_pairs()
         preparation.complete()
         return 0
+    from sat_collision.geometry.compiled.jit import COMPILED
+    if not COMPILED:
+        print('nothing to do: in plain Python, without numba, there are no kernels to compile')
+        return 0
     prepare(say)
     mark = _mark()
     if mark is None:
-        print('nothing is kept here: kernels are not compiled, or numba itself keeps them')
+        print('nothing is kept here: numba itself keeps kernels')
     elif mark.exists():
         print(f'kept in {mark.parent}, for this Python and this kind of processor')
     else:

@@ -77,6 +77,12 @@ def test_prepared_kernels_are_all_that_commands_need(start, tmp_path):
     assert compiled(tmp_path) == prepared
 
 
+def test_plain_python_has_no_kernels_to_prepare(start):
+    result = start('-m', 'sat_collision.replay.kernels', NUMBA_DISABLE_JIT='1')
+    assert (result.returncode, result.stderr) == (0, '')
+    assert result.stdout.startswith('nothing to do') and result.stdout.count('\n') == 1
+
+
 @pytest.mark.long
 def test_library_says_that_it_compiles(start, tmp_path):
     """Before each wait, first with the folder of the cache; nothing without a compiler."""

@@ -55,7 +55,8 @@ class MapToPolygons(Node):
             occupied |= cells < 0
         found = corners(rectangles(occupied), grid.info)
         self._publish(grid.header, found.tolist())
-        self.get_logger().info(f'{np.count_nonzero(occupied)} cells, {len(found)} rectangles')
+        self.get_logger().info(f'occupied cells: {np.count_nonzero(occupied)}, '
+                               f'rectangles: {len(found)}')
 
     def _publish_collection(self, header, found):
         from polygon_msgs.msg import Point2D, Polygon2D, Polygon2DCollection

@@ -24,8 +24,8 @@ import numpy as np
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from sat_collision.geometry.compiled.jit import KERNEL
 from sat_collision.messages.rosbags_interfaces import STORE
+from sat_collision.replay.check import check
 from sat_collision.replay.model.result import Options
-from sat_collision.replay.run import check
 import shapes
 
 _START = 1_700_000_000 * 10**9

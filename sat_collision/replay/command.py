@@ -35,6 +35,7 @@ import traceback
 from sat_collision.extras import in_one_line, missing, printable, unexpected
 from sat_collision.replay.arguments import parse
 from sat_collision.replay.bag.storage import check_bag_writer
+from sat_collision.replay.check import check, OnProgress
 from sat_collision.replay.model.configuration import (
     parameter_of_text, parameters_of_file, settings_of)
 from sat_collision.replay.model.result import Options, overall, Result, SEVERITY, Verdict
@@ -42,7 +43,6 @@ from sat_collision.replay.output.formats import (
     BaselineError, differences_from, read_baseline, write_csv, write_json, write_junit,
     write_junit_of_differences)
 from sat_collision.replay.output.text import Progress, report, report_all, with_colour
-from sat_collision.replay.run import check, OnProgress
 from sat_collision.scene.parameters import ParameterError
 
 _OF_RECORDING = ('.mcap', '.db3', '.zstd', '.db3-wal', '.db3-shm', '.db3-journal')

@@ -85,7 +85,7 @@ def main() -> int:
     """
     say = partial(print, flush=True)
     try:
-        import sat_collision.replay.run  # noqa: F401
+        import sat_collision.replay.check  # noqa: F401
     except ModuleNotFoundError as error:
         if str(error.name).startswith('sat_collision'):
             raise
@@ -154,7 +154,7 @@ class _WarmUp:
 def _warm_up() -> None:
     """Check recorded motion and the live monitor by sets and without, with a margin and not."""
     from sat_collision.replay.model.result import Options
-    from sat_collision.replay.run import check_recording
+    from sat_collision.replay.check import check_recording
     from sat_collision.scene.settings import DEFAULT_SOURCE, EMPTY_POLYGON, NONE
     for as_live, margin, set_end in product((False, True), (0.0, 0.1), (EMPTY_POLYGON, NONE)):
         parameters = {'margin': margin, f'{DEFAULT_SOURCE}.set_end': set_end}

@@ -7,7 +7,7 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Messages in the order in which a run takes them: as received, or by their own stamps."""
+"""Messages in the order in which a check takes them: as received, or by their own stamps."""
 
 from __future__ import annotations
 

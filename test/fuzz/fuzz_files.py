@@ -30,10 +30,10 @@ from mcap.stream_reader import StreamReader
 from recordings import box, write
 from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.bag.storage import Limits
+from sat_collision.replay.check import check
 from sat_collision.replay.model.configuration import parameters_of_file, settings_of
 from sat_collision.replay.output.formats import (
     BaselineError, differences_from, read_baseline, write_json)
-from sat_collision.replay.run import check
 from sat_collision.scene.parameters import ParameterError
 from storages import write_mcap
 

@@ -302,7 +302,7 @@ def run(*arguments, **environment):
                           capture_output=True, text=True, env={**os.environ, **environment})
 
 
-@pytest.mark.parametrize('missing', ('yaml', 'numpy', 'sat_collision.replay.run'))
+@pytest.mark.parametrize('missing', ('yaml', 'numpy', 'sat_collision.replay.check'))
 def test_failed_import_is_bad_input(bags, missing):
     """Status 3 and one line; 1 would mean a collision."""
     result = run_without([missing], bags['clear'])

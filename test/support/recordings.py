@@ -30,9 +30,9 @@ from rosbags.typesys import get_types_from_msg, get_typestore, Stores  # noqa: E
 from sat_collision.messages.cdr import decode  # noqa: E402
 from sat_collision.messages.rosbags_interfaces import STORE  # noqa: E402
 from sat_collision.replay import command  # noqa: E402
+from sat_collision.replay.check import check as check_as_given  # noqa: E402
 from sat_collision.replay.model.configuration import settings_of  # noqa: E402
 from sat_collision.replay.model.result import Options  # noqa: E402
-from sat_collision.replay.run import check as check_as_given  # noqa: E402
 
 NAMES = ('autoware_ego_trajectory_boxes', 'commonroad_USA_Lanker-1_1_ego1247',
          'tysik_front_scan_polygons')

@@ -44,7 +44,7 @@ _PIECE = 2**20
 _ENTRY = 400
 
 
-class Block(NamedTuple):
+class Chunk(NamedTuple):
     """Consecutive messages: a chunk, or a run of messages outside of chunks."""
 
     first: int  # announced times of messages, ns
@@ -72,12 +72,12 @@ class McapFile(Storage):
         self._left = 4 * limits.chunk
         self._file = -1
         # In the order of the file.
-        self._blocks: list[Block] = []
+        self._chunks: list[Chunk] = []
         # Types and topics by the ids that the file gives to schemas and channels.
         self._schemas: dict[int, str] = {0: ''}
         self._channels: dict[int, tuple[str, int]] = {}
         # From the summary: times of chunks by position, messages by channel, number of channels.
-        self._chunks: dict[int, tuple[int, int]] = {}
+        self._chunk_index: dict[int, tuple[int, int]] = {}
         self._statistics: Counter[int] | None = None
         self._channel_count = 0
         # How many messages the indexes of chunks have, by channel.
@@ -94,7 +94,7 @@ class McapFile(Storage):
             self._walk_summary()
             self._walk_data()
         except (OSError, Damage) as error:
-            self._blocks.clear()
+            self._chunks.clear()
             faults.damaged(in_one_line(error))
             return
         counts = self._statistics
@@ -109,13 +109,13 @@ class McapFile(Storage):
         if self._indexed:
             self._compare(self._indexed, 'are indexed')
         if self.start is None:
-            self._extend(*(time for block in self._blocks if block.first <= block.last
-                           for time in (block.first, block.last) if time))
+            self._extend(*(time for chunk in self._chunks if chunk.first <= chunk.last
+                           for time in (chunk.first, chunk.last) if time))
 
     @property
     def compressions(self) -> set[str]:
         """How chunks are compressed."""
-        return {block.compression for block in self._blocks} - {''}
+        return {chunk.compression for chunk in self._chunks} - {''}
 
     def close(self) -> None:
         if self._file >= 0:
@@ -128,12 +128,12 @@ class McapFile(Storage):
         faults = Faults(Path()) if self._is_surveyed else self._faults
         pending = _Pending({channel: topic for channel, (topic, _) in self._channels.items()
                             if topic in topics}, start or 0, 2**64 if stop is None else stop)
-        blocks = sorted(block for block in self._blocks
-                        if block.last >= pending.first and block.first < pending.last
-                        or not block.last)
+        chunks = sorted(chunk for chunk in self._chunks
+                        if chunk.last >= pending.first and chunk.first < pending.last
+                        or not chunk.last)
         read: Counter[int] = Counter()
-        for block, following in zip_longest(blocks, blocks[1:]):
-            _, channels = self._load(block, pending, faults)
+        for chunk, following in zip_longest(chunks, chunks[1:]):
+            _, channels = self._load(chunk, pending, faults)
             read.update(channels)
             yield from pending.take(following.first if following else 2**64)
         if start is None and stop is None:
@@ -144,42 +144,42 @@ class McapFile(Storage):
         """Read all of a file whose summary is not complete; return the counts by channel."""
         self._is_surveyed = True
         found: Counter[int] = Counter()
-        for block in self._blocks:
-            times, channels = self._load(block, _Pending({}, 0, 0), self._faults)
+        for chunk in self._chunks:
+            times, channels = self._load(chunk, _Pending({}, 0, 0), self._faults)
             found.update(channels)
             if times:
                 self._extend(min(times), max(times))
         self._compare(found, 'can be read')
         return found
 
-    def _load(self, block: Block, pending: _Pending, faults: Faults
+    def _load(self, chunk: Chunk, pending: _Pending, faults: Faults
               ) -> tuple[list[int], list[int]]:
-        """Return times and channels of all messages of a block, recording its faults."""
+        """Return times and channels of all messages of a chunk, recording its faults."""
         begun = len(pending.times)
         times: list[int] = []
         channels: list[int] = []
         problem = ''
         try:
-            self._fill(block, pending, times, channels)
+            self._fill(chunk, pending, times, channels)
         except Damage as damage:
             problem = str(damage)
         times += pending.times[begun:]
         channels += pending.channels[begun:]
-        where = f'damaged in the chunk at byte {block.where or block.at}: '
+        where = f'damaged in the chunk at byte {chunk.where or chunk.at}: '
         if problem:
             faults.damaged(where + problem)
         if problem and not times:
             return times, channels
-        if block.announced not in (None, len(times)):
-            faults.damaged(f'{where}{len(times)} messages, but its index has {block.announced}')
-        if times and not (block.first <= min(times) and max(times) <= block.last):
+        if chunk.announced not in (None, len(times)):
+            faults.damaged(f'{where}{len(times)} messages, but its index has {chunk.announced}')
+        if times and not (chunk.first <= min(times) and max(times) <= chunk.last):
             faults.damaged(f'{where}it has messages of another time than it announces')
         return times, channels
 
-    def _fill(self, block: Block, pending: _Pending, times: list[int],
+    def _fill(self, chunk: Chunk, pending: _Pending, times: list[int],
               channels: list[int]) -> None:
-        """Add the messages of a block up to any damage, those not wanted to the lists."""
-        content = self._content(block, sum(map(len, pending.messages)))
+        """Add the messages of a chunk up to any damage, those not wanted to the lists."""
+        content = self._content(chunk, sum(map(len, pending.messages)))
         topics, first, last = pending.topics, pending.first, pending.last
         add_time, add_channel, add_message = (
             pending.times.append, pending.channels.append, pending.messages.append)
@@ -210,16 +210,16 @@ class McapFile(Storage):
             if kind == _MESSAGE:
                 raise Damage('invalid message record')
             if kind in (_SCHEMA, _CHANNEL):
-                self._define(kind, content[at:at + size], block.where)
+                self._define(kind, content[at:at + size], chunk.where)
             at += size
 
-    def _content(self, block: Block, held: int) -> bytes:
-        if block.plain + held > self._max_bytes:
-            raise Damage(f'{block.plain + held} bytes at once: allow more with --max-memory')
-        content = unpacked(self._read(block.at, block.size), block.compression, block.plain)
-        if len(content) != block.plain:
-            raise Damage(f'{block.plain} bytes announced, it holds {len(content)}')
-        if block.checksum and zlib.crc32(content) != block.checksum:
+    def _content(self, chunk: Chunk, held: int) -> bytes:
+        if chunk.plain + held > self._max_bytes:
+            raise Damage(f'{chunk.plain + held} bytes at once: allow more with --max-memory')
+        content = unpacked(self._read(chunk.at, chunk.size), chunk.compression, chunk.plain)
+        if len(content) != chunk.plain:
+            raise Damage(f'{chunk.plain} bytes announced, it holds {len(content)}')
+        if chunk.checksum and zlib.crc32(content) != chunk.checksum:
             raise Damage('its checksum is wrong')
         return content
 
@@ -282,7 +282,7 @@ class McapFile(Storage):
             self._faults.damaged(f'damaged at its end: {damage}')
 
     def _walk_data(self) -> None:
-        """Find the blocks; after a damaged place continue at the next indexed chunk."""
+        """Find the chunks; after a damaged place continue at the next indexed chunk."""
         where = len(_MAGIC)
         lost: set[int] = set()
         while where:
@@ -300,9 +300,9 @@ class McapFile(Storage):
             except _Misplaced as damage:
                 self._faults.damaged(f'damaged at byte {damage.where}: {damage}')
                 lost.add(damage.where)
-                where = min((at for at in self._chunks if at > damage.where), default=0)
-        found = {block.where: (block.first, block.last) for block in self._blocks}
-        for where, times in self._chunks.items():
+                where = min((at for at in self._chunk_index if at > damage.where), default=0)
+        found = {chunk.where: (chunk.first, chunk.last) for chunk in self._chunks}
+        for where, times in self._chunk_index.items():
             if where not in lost and found.get(where) != times:
                 self._faults.damaged(f'damaged at byte {where}: not the chunk that is indexed')
 
@@ -346,19 +346,19 @@ class McapFile(Storage):
                 packed, = struct.unpack_from('<Q', head, begin)
                 if packed != size - begin - 8:
                     raise ValueError
-                self._blocks.append(Block(first, last, where, at + begin + 8, packed, compression,
+                self._chunks.append(Chunk(first, last, where, at + begin + 8, packed, compression,
                                           plain, checksum))
             elif kind == _MESSAGE_INDEX:
                 channel, length = struct.unpack('<HI', self._read(at, 6))
-                if not self._blocks or length != size - 6:
+                if not self._chunks or length != size - 6:
                     raise ValueError
-                block = self._blocks[-1]
-                self._blocks[-1] = block._replace(announced=(block.announced or 0) + length // 16)
+                chunk = self._chunks[-1]
+                self._chunks[-1] = chunk._replace(announced=(chunk.announced or 0) + length // 16)
                 self._indexed[channel] += length // 16
             elif kind == _CHUNK_INDEX:
                 self._account()
                 first, last, begin = struct.unpack_from('<QQQ', self._read(at, size))
-                self._chunks[begin] = first, last
+                self._chunk_index[begin] = first, last
             elif kind == _STATISTICS:
                 content = self._read(at, size)
                 self._channel_count, = struct.unpack_from('<I', content, 10)
@@ -375,15 +375,15 @@ class McapFile(Storage):
     def _add_to_run(self, where: int, head: bytes, size: int) -> None:
         """Add a message outside of chunks to the run that it follows, or begin a run."""
         _, _, time, _ = _MESSAGE_HEAD.unpack(head)
-        run = self._blocks[-1] if self._blocks else None
+        run = self._chunks[-1] if self._chunks else None
         whole = _RECORD_HEAD.size + size
         if run and not run.where and run.at + run.size == where and run.size < _LONGEST_RUN:
-            self._blocks[-1] = run._replace(
+            self._chunks[-1] = run._replace(
                 first=min(run.first, time), last=max(run.last, time), size=run.size + whole,
                 plain=run.plain + whole)
         else:
             self._account()
-            self._blocks.append(Block(time, time, 0, where, whole, '', whole, 0))
+            self._chunks.append(Chunk(time, time, 0, where, whole, '', whole, 0))
 
     def _account(self) -> None:
         """Count an entry that is kept; raise Damage if there are too many."""

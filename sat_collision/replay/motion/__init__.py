@@ -9,8 +9,8 @@
 """
 Recorded motion: where everything was between two messages, and which contacts that made.
 
-bodies        sets of outlines, and their linear motion from one set to the next
-trajectories  the trajectory of a footprint
+bodies        sets of outlines, and the links (linear motion) from one set to the next
+trajectories  the links of a footprint from one sample to the next
 tracker       which body is which from one message to the next
 contacts      where and when a footprint touches obstacles in between
 kernels       operations on many rings (outlines as received): bounds, nearest neighbours, motions

@@ -57,7 +57,7 @@ class MotionArrays(NamedTuple):
                    np.empty((count, 4)), np.empty(count))
 
 
-class Block:
+class SetBatch:
     """
     Sets of bodies, described in one call, with the motions from each set to the next.
 
@@ -114,20 +114,20 @@ class Block:
 
 class Bodies:
     """
-    The outlines of some bodies in a block: one footprint, or the obstacles of a set.
+    The outlines of some bodies in a batch: one footprint, or the obstacles of a set.
 
     There may be more names than bodies. The frame is empty if the bodies are in different ones.
     With `is_between` the bodies were not received, but computed at a time between two messages.
     """
 
-    def __init__(self, names: Sequence[ObstacleId], block: Block, number: int = 0,
+    def __init__(self, names: Sequence[ObstacleId], batch: SetBatch, number: int = 0,
                  max_vertices: int = MAX_VERTICES, frame_id: str = '',
                  is_between: bool = False) -> None:
-        self._described = block
-        self._numbers = numbers = block.numbers[number]
+        self._described = batch
+        self._numbers = numbers = batch.numbers[number]
         self._count = numbers[ROWS_END] - numbers[ROW]
-        # None if the stamps are not those of the block.
-        self.block: Block | None = block
+        # None if the stamps are not those of the batch.
+        self.batch: SetBatch | None = batch
         self.number = number
         self.names = names
         self.frame_id = frame_id
@@ -143,7 +143,7 @@ class Bodies:
 
     def __getstate__(self) -> dict[str, Any]:
         arrays = {'points': self.points, 'rings': self.rings, 'boxes': self.boxes}
-        return {**self.__dict__, **arrays, 'block': None, '_described': None, '_polygons': {}}
+        return {**self.__dict__, **arrays, 'batch': None, '_described': None, '_polygons': {}}
 
     @cached_property
     def points(self) -> Floats:
@@ -180,22 +180,22 @@ class Bodies:
     def at(self, stamps: Sequence[int]) -> Bodies:
         """Return the same bodies, in the same places at other times."""
         other = copy.copy(self)
-        other.block = None
+        other.batch = None
         other.rings = self.rings.copy()
         other.rings[:, STAMP] = stamps
         other.begin, other.end = min(stamps), max(stamps)
         return other
 
     def follows(self, before: Bodies) -> bool:
-        """Return whether `before` is the set before this one in the same block."""
-        return (self.block is not None and before.block is self.block
+        """Return whether `before` is the set before this one in the same batch."""
+        return (self.batch is not None and before.batch is self.batch
                 and before.number == self.number - 1)
 
     @property
     def followed(self) -> int:
-        """How many bodies of the set before it in the block were matched to one of it."""
-        assert self.block is not None
-        return self._numbers[MOTIONS] - self.block.numbers[self.number - 1][MOTIONS]
+        """How many bodies of the set before it in the batch were matched to one of it."""
+        assert self.batch is not None
+        return self._numbers[MOTIONS] - self.batch.numbers[self.number - 1][MOTIONS]
 
     def ring(self, row: int) -> Floats:
         """Return the vertices of a body as received, (n, 2)."""
@@ -267,11 +267,11 @@ def motion_between(before: Bodies, after: Bodies, rows: Integers,
     return LinearMotion(before, after, motions, int(begin), int(end))
 
 
-def motion_in_block(before: Bodies, after: Bodies) -> list[LinearMotion]:
-    """Return the motion from the set before in the block; nothing if no body was matched."""
-    assert after.block is not None
-    motions = after.block.motions
-    last, own = after.block.numbers[before.number:after.number + 1]
+def motion_in_batch(before: Bodies, after: Bodies) -> list[LinearMotion]:
+    """Return the motion from the set before in the batch; nothing if no body was matched."""
+    assert after.batch is not None
+    motions = after.batch.motions
+    last, own = after.batch.numbers[before.number:after.number + 1]
     if last[MOTIONS] == own[MOTIONS]:
         return []
     found = slice(last[MOTIONS], own[MOTIONS])

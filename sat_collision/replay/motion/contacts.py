@@ -26,11 +26,11 @@ from sat_collision.geometry.query import closest_points, separation
 from sat_collision.replay.model.result import (
     AT_A_SAMPLE, BETWEEN_SAMPLES, Contact, FootprintResult, Least, least_of, Series, Unknown)
 from sat_collision.replay.motion.bodies import (
-    Block, Bodies, Floats, Integers, Interval, LinearMotion)
+    Bodies, Floats, Integers, Interval, LinearMotion, SetBatch)
 from sat_collision.replay.motion.nearness import (
     measure_near, nearest_in_steps, rows_near, SLACK)
 from sat_collision.replay.motion.tracker import Step
-from sat_collision.replay.motion.trajectories import Box, Piece, Trajectory
+from sat_collision.replay.motion.trajectories import Box, Link, Trajectory
 from sat_collision.scene.obstacles import ObstacleId
 
 _NOTHING = indexable(np.zeros(1)), 0
@@ -63,7 +63,7 @@ class ContactTracker:
     def decide(self, step: Step) -> None:
         """Decide a step; the trajectory must be complete up to the end of the step."""
         if step.last is not None and step.seen is not None and not self._touching and (
-                self._decide_from_block(step.last, step.seen)):
+                self._decide_from_batch(step.last, step.seen)):
             return
         followed: dict[ObstacleId, Contact] = {}
         for motion in step.motions:
@@ -90,16 +90,16 @@ class ContactTracker:
         for contact in self._touching.values():
             contact.at_end = True
 
-    def _decide_from_block(self, last: Bodies, seen: Bodies) -> bool:
-        """Decide a step from the results of its block; return False if these do not have it."""
+    def _decide_from_batch(self, last: Bodies, seen: Bodies) -> bool:
+        """Decide a step from the results of its batch; return False if these do not have it."""
         nearest = self._nearest
-        if nearest is None or nearest.block is not seen.block:
-            if self._trajectory.block is None:
+        if nearest is None or nearest.batch is not seen.batch:
+            if self._trajectory.batch is None:
                 return False
             nearest = self._nearest = _NearestInSteps(
-                seen.block, self._trajectory.block, self._margin)
+                seen.batch, self._trajectory.batch, self._margin)
         first, end, low, high = nearest.steps[seen.number]
-        if first < 0 or not self._trajectory.is_in_block(
+        if first < 0 or not self._trajectory.is_in_batch(
                 nearest.trajectory, low, high, last.begin, seen.begin):
             return False
         self.decided = True
@@ -176,14 +176,14 @@ class ContactTracker:
         for i in near:
             contact = self._touching.pop(names[motion.rows[i]], None)
             after: Bodies | None = None
-            for begin, end, piece in self._trajectory.pieces(int(motion.starts[i]),
-                                                             int(motion.finishes[i])):
+            for begin, end, link in self._trajectory.links(
+                    int(motion.starts[i]), int(motion.finishes[i])):
                 if contact is not None and (
-                        contact.last != begin or after not in (None, piece.before)):
+                        contact.last != begin or after not in (None, link.before)):
                     contact = None
-                after = piece.after
+                after = link.after
                 try:
-                    contact = self._cross(_Pair(piece, motion, i, begin, end), contact)
+                    contact = self._cross(_Pair(link, motion, i, begin, end), contact)
                 except PolygonError:
                     contact = None
                     self.undetermined.append((begin, end))
@@ -241,7 +241,7 @@ class ContactTracker:
             yield row, time, value
 
     def _cross(self, pair: _Pair, contact: Contact | None) -> Contact | None:
-        """Decide a piece of the motion of a pair; return the contact open at its end, if any."""
+        """Decide a part of the motion of a pair; return the contact open at its end, if any."""
         own, other = pair.at(pair.end)
         value = separation(own, other)
         touches = value <= self._margin
@@ -275,7 +275,7 @@ class ContactTracker:
         return None
 
     def _first(self, pair: _Pair) -> int | None:
-        """Return when a pair first touches on a piece of its motion."""
+        """Return when a pair first touches on a part of its motion."""
         own, other = pair.at(pair.begin)
         value = separation(own, other)
         if value <= self._margin:
@@ -288,20 +288,20 @@ class ContactTracker:
 
 class _NearestInSteps:
     """
-    The obstacles nearest to a footprint at each step of a block: what `nearest_in_steps` writes.
+    The obstacles nearest to a footprint at each step of a batch: what `nearest_in_steps` writes.
 
-    The trajectory is the block of the footprint's samples.
+    The trajectory is the batch of the footprint's samples.
     """
 
-    def __init__(self, block: Block | None, trajectory: Block, margin: float) -> None:
-        assert block is not None
-        self.block = block
+    def __init__(self, batch: SetBatch | None, trajectory: SetBatch, margin: float) -> None:
+        assert batch is not None
+        self.batch = batch
         self.trajectory = trajectory
-        steps = np.empty((len(block.sets), 4), np.int64)
-        room = len(block.sets) + len(trajectory.sets)
+        steps = np.empty((len(batch.sets), 4), np.int64)
+        room = len(batch.sets) + len(trajectory.sets)
         times, values = np.empty((room, 3), np.int64), np.empty(room)
         own, other = ((one.points, one.rings, one.boxes, one.sets, *one.motions)
-                      for one in (trajectory, block))
+                      for one in (trajectory, batch))
         nearest_in_steps(own, other, margin, steps, times, values)
         self.steps, self.times, self.values = steps.tolist(), times.tolist(), values.tolist()
 
@@ -309,7 +309,7 @@ class _NearestInSteps:
 class _Pair(NamedTuple):
     """A footprint and an obstacle in linear motion from one time to another, or backwards."""
 
-    piece: Piece
+    link: Link
     motion: LinearMotion
     i: int
     begin: int
@@ -329,22 +329,22 @@ class _Pair(NamedTuple):
     @property
     def ends_at_a_sample(self) -> bool:
         """Whether the footprint has a sample at the end, and the other does not move."""
-        return (self.end == self.piece.end and not self.piece.after.is_between
+        return (self.end == self.link.end and not self.link.after.is_between
                 and not self.motion.moved[self.i])
 
     def backwards(self) -> _Pair:
         return self._replace(begin=self.end, end=self.begin)
 
     def at(self, time: int) -> tuple[Polygon, Polygon]:
-        return self.piece.motion.polygon(0, time), self.motion.polygon(self.i, time)
+        return self.link.motion.polygon(0, time), self.motion.polygon(self.i, time)
 
     def rings(self) -> tuple[Floats, Floats, Floats, Floats]:
-        return (self.piece.motion.ring(0, self.begin), self.piece.motion.ring(0, self.end),
+        return (self.link.motion.ring(0, self.begin), self.link.motion.ring(0, self.end),
                 self.motion.ring(self.i, self.begin), self.motion.ring(self.i, self.end))
 
     def most_motion(self) -> float:
         """Return how far the two move towards each other at most, metres."""
-        both = (self.piece.motion, 0), (self.motion, self.i)
+        both = (self.link.motion, 0), (self.motion, self.i)
         passed = abs(self.end - self.begin)
         moved: float = sum(motion.moved[i] * passed / max(motion.finishes[i] - motion.starts[i], 1)
                            for motion, i in both)

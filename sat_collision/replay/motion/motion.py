@@ -26,7 +26,7 @@ from sat_collision.messages.ingest import Placement
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.replay.model.result import (
     Contact, FootprintResult, joined, joined_contacts, Unknown, Unknowns)
-from sat_collision.replay.motion.bodies import Block, Bodies, Interval, LONGEST
+from sat_collision.replay.motion.bodies import Bodies, Interval, LONGEST, SetBatch
 from sat_collision.replay.motion.contacts import ContactResults, ContactTracker
 from sat_collision.replay.motion.prediction import Predictor
 from sat_collision.replay.motion.tape import MotionTape
@@ -64,13 +64,13 @@ class Sweep:
 
     def describe(self, placements: Sequence[Placement]) -> list[Bodies]:
         """Return the samples that are about to be placed."""
-        block = Block([[one] for one in placements], self.trajectory.longest)
-        self.trajectory.block = block
-        return [self.sample(block, k) for k in range(len(placements))]
+        batch = SetBatch([[one] for one in placements], self.trajectory.longest)
+        self.trajectory.batch = batch
+        return [self.sample(batch, k) for k in range(len(placements))]
 
-    def sample(self, block: Block, number: int = 0, is_between: bool = False) -> Bodies:
-        """Return a sample of the footprint from a block."""
-        return Bodies(self._names, block, number, self._max_vertices, is_between=is_between)
+    def sample(self, batch: SetBatch, number: int = 0, is_between: bool = False) -> Bodies:
+        """Return a sample of the footprint from a batch."""
+        return Bodies(self._names, batch, number, self._max_vertices, is_between=is_between)
 
     @property
     def is_decided(self) -> bool:
@@ -309,7 +309,7 @@ class RecordedMotion:
             for other in self._sweeps.values():
                 other.use_frame(self._frame_id)
         trajectory, stamp = sweep.trajectory, placement.stamp
-        begin = trajectory.begin_of_piece(stamp) if sweep.settings.has_outline else None
+        begin = trajectory.begin_of_link(stamp) if sweep.settings.has_outline else None
         if begin is not None:
             poses = Poses(self._transforms, sweep.settings.frame_id,
                           placement.single).between(begin, stamp)
@@ -318,7 +318,7 @@ class RecordedMotion:
                 if self._tape:
                     self._tape.write(placement.name, None)
             for time, affine in poses or ():
-                self._add(sweep, time, sweep.sample(Block(
+                self._add(sweep, time, sweep.sample(SetBatch(
                     [[placement._replace(stamp=time, affine=affine)]]), is_between=True))
         self._add(sweep, stamp, sample)
         for tracker in self._trackers.values():

@@ -7,7 +7,7 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Which bodies are near to a footprint: in one set, and in a block of sets as it moves."""
+"""Which bodies are near to a footprint: in one set, and in a batch of sets as it moves."""
 
 import math
 
@@ -100,7 +100,7 @@ def _separation(outline, n, points, ring):
 @kernel
 def nearest_in_steps(trajectory, bodies, margin, steps, times, values):
     """
-    Find the body nearest to a moving footprint in each step of a block that is free of contacts.
+    Find the body nearest to a moving footprint in each step of a batch that is free of contacts.
 
     It looks at some times in each step: at each sample of the footprint for bodies that stand
     still, and at the end of the step for all.
@@ -108,14 +108,14 @@ def nearest_in_steps(trajectory, bodies, margin, steps, times, values):
     Parameters
     ----------
     trajectory, bodies : tuple
-        The blocks of the samples of the footprint and of the obstacles: points, rings, boxes and
+        The batches of the samples of the footprint and of the obstacles: points, rings, boxes and
         sets as `describe` writes them, then the arrays that `follow` writes.
     margin : float
         In metres.
     steps : (s, 4) array of int64
         Receives for the step to each set the index of its first look in `times`, or -1 if
         something may touch or the step is a special case; where its looks end; and the numbers of
-        the footprint's samples at the ends of its first and of its last trajectory piece.
+        the footprint's samples at the ends of its first and of its last trajectory link.
     times : (n, 3) array of int64
         Receives for each look its time, the row of the nearest body, and 2 if that is in the later
         set; else it stands still in the earlier set: 1 if all bodies there do, 0 if not.
@@ -191,25 +191,25 @@ def nearest_in_steps(trajectory, bodies, margin, steps, times, values):
 
 
 @kernel
-def _stays_apart(trajectory, pieces, bodies, s, k, arrays, margin):
+def _stays_apart(trajectory, links, bodies, s, k, arrays, margin):
     """
     Return whether a footprint is certain to stay apart from an obstacle on motion k to a set.
 
-    It is if on each of the trajectory's pieces, the first to the last, the two begin further apart
+    It is if on each of the trajectory's links, the first to the last, the two begin further apart
     than they can move, and end apart. They are packed into the arrays, which must have room.
     """
     samples, sets = trajectory[3], bodies[3]
     packed, other = arrays
-    for piece in range(pieces[0], pieces[1] + 1):
-        own = samples[piece - 1, MOTIONS]
-        begin = max(samples[piece - 1, EARLIEST], sets[s - 1, EARLIEST])
-        end = min(samples[piece, EARLIEST], sets[s, EARLIEST])
+    for link in range(links[0], links[1] + 1):
+        own = samples[link - 1, MOTIONS]
+        begin = max(samples[link - 1, EARLIEST], sets[s - 1, EARLIEST])
+        end = min(samples[link, EARLIEST], sets[s, EARLIEST])
         # As `_Pair.most_motion`.
         moved = _motion(trajectory, own, end - begin) + _motion(bodies, k, end - begin)
         room = (SLACK * max(_farthest(trajectory[8][own]), _farthest(bodies[8][k]))
                 + (1.0 + SLACK) * moved)
         for time in (begin, end):
-            n = _pack_at(trajectory, piece, own, time, packed)
+            n = _pack_at(trajectory, link, own, time, packed)
             m = _pack_at(bodies, s, k, time, other)
             if n == 0 or m == 0:
                 return False
@@ -220,10 +220,10 @@ def _stays_apart(trajectory, pieces, bodies, s, k, arrays, margin):
 
 
 @kernel
-def _motion(block, k, passed):
+def _motion(batch, k, passed):
     """Return how far a body moves at most in some ns."""
-    times = block[7]
-    return block[9][k] * passed / (times[k, FINISH] - times[k, START])
+    times = batch[7]
+    return batch[9][k] * passed / (times[k, FINISH] - times[k, START])
 
 
 @kernel
@@ -232,9 +232,9 @@ def _farthest(box):
 
 
 @kernel
-def _pack_at(block, s, k, time, packed):
+def _pack_at(batch, s, k, time, packed):
     """Pack a body at a time on motion k to a set; return its count, 0 if it is not convex then."""
-    points, rings, _, sets, rows, next_rows, array, times, _, _ = block
+    points, rings, _, sets, rows, next_rows, array, times, _, _ = batch
     i = rows[k] + sets[s - 1, ROW]
     first = sets[s - 1, POINT]
     start, finish = times[k, START], times[k, FINISH]

@@ -79,9 +79,9 @@ class Predictor:
         """Predict collisions in a step; the trajectory through it must be known."""
         for motion in step.motions:
             for time in self._times(motion.begin, motion.end):
-                piece = self._trajectory.piece_from(time)
+                link = self._trajectory.link_from(time)
                 own = self._trajectory.outline(time)
-                velocity = piece and self._velocity(piece, time)
+                velocity = link and self._velocity(link, time)
                 if own and velocity:
                     found = self._first(own, velocity, motion, time)
                     self._found[time] = min(found, self._found.get(time, found))
@@ -101,18 +101,18 @@ class Predictor:
         for sample in sorted(samples.items(), key=itemgetter(0)):
             series.add(*sample)
 
-    def _velocity(self, piece: LinearMotion, time: int) -> Velocity | None:
-        """Return the velocity at a time, at which the piece begins."""
+    def _velocity(self, link: LinearMotion, time: int) -> Velocity | None:
+        """Return the velocity at a time, at which the link begins."""
         if not self._settings:
             # Fitted backwards in time, so that its frame is at the beginning.
-            start, finish = piece.begin, piece.end
-            return fitted(piece.ring(0, finish), piece.ring(0, start), (start - finish) / 1e9,
+            start, finish = link.begin, link.end
+            return fitted(link.ring(0, finish), link.ring(0, start), (start - finish) / 1e9,
                           FOOTPRINTS)
         k = bisect_right(self._commands, time, key=_time_of)
         command = self._commands[k - 1] if k else None
         if not (command and command.holds(time, self._settings.timeout)):
             return None
-        return Velocity(command.twist, pose_between(self._outline, piece.ring(0, time)), COMMAND)
+        return Velocity(command.twist, pose_between(self._outline, link.ring(0, time)), COMMAND)
 
     def _times(self, start: int, finish: int) -> list[int]:
         """Return the times to predict at, from one time until before another."""

@@ -39,26 +39,26 @@ class MotionTape(Tape):
         """Return keyframes at some moments; the recording ends at a time in ns."""
         keyframes = Keyframes(moments)
         trajectories = {one.name: Trajectory(one) for one in self._footprints}
-        filler = _Filler(keyframes)
+        drawing = _Drawing(keyframes)
         for key, event in self._events():
             if isinstance(event, Step):
-                filler.follow(key, event)
+                drawing.follow(key, event)
                 for trajectory in trajectories.values():
                     trajectory.stand(event.finish)
             elif event is None:
                 trajectories[key].lose()
             else:
                 trajectories[key].add(event.begin, event)
-                filler.show(key, trajectories[key])
+                drawing.show(key, trajectories[key])
                 trajectories[key].drop_before(event.begin - LONGEST)
         for name, trajectory in trajectories.items():
             trajectory.stand(end)
-            filler.show(name, trajectory)
-        filler.finish(end)
+            drawing.show(name, trajectory)
+        drawing.finish(end)
         return keyframes
 
 
-class _Sight(NamedTuple):
+class _LastSample(NamedTuple):
     """Where and when an obstacle was last, its name, and the body that shows it."""
 
     time: int
@@ -67,7 +67,7 @@ class _Sight(NamedTuple):
     body: ShownBody
 
 
-class _Filler:
+class _Drawing:
     """
     Fills keyframes with the recorded motion that contacts are decided by.
 
@@ -76,39 +76,40 @@ class _Filler:
 
     def __init__(self, keyframes: Keyframes) -> None:
         self._keyframes = keyframes
-        self._sights: dict[int, dict[ObstacleId, _Sight]] = {}
+        self._samples: dict[int, dict[ObstacleId, _LastSample]] = {}
         self._footprints: dict[str, ShownBody] = {}
         self._next: dict[str, int] = {}
 
     def follow(self, tracker: int, step: Step) -> None:
         """Show the bodies of a source in a step."""
-        sights = self._sights.setdefault(tracker, {})
+        samples = self._samples.setdefault(tracker, {})
         arrived: dict[ObstacleId, ShownBody] = {}
         for motion in step.motions:
             for i, row in enumerate(motion.rows.tolist()):
                 name = motion.before.names[row]
-                sight = sights.get(name)
-                if sight is None:
+                sample = samples.get(name)
+                if sample is None:
                     continue
-                self._move(sight, motion, i)
+                self._move(sample, motion, i)
                 if motion.after is step.seen:
-                    arrived[motion.after.names[motion.next_rows[i]]] = sight.body
-                    del sights[name]
+                    arrived[motion.after.names[motion.next_rows[i]]] = sample.body
+                    del samples[name]
                 else:
-                    sights[name] = sight._replace(time=int(motion.finishes[i]))
+                    samples[name] = sample._replace(time=int(motion.finishes[i]))
         seen = step.seen
         end = seen.begin if seen is not None and len(seen) else step.finish
-        for name in list(sights) if step.gone is None else step.gone:
-            if name in sights:
-                self._hold(sights.pop(name), end if step.gone is None else step.finish)
+        for name in list(samples) if step.gone is None else step.gone:
+            if name in samples:
+                self._hold(samples.pop(name), end if step.gone is None else step.finish)
         if seen is None:
             return
         for row, (name, stamp) in enumerate(zip(seen.names, seen.stamps.tolist())):
             body = arrived.get(name)
-            if body is None and name in sights:
-                self._hold(sights[name], stamp)
-                body = sights[name].body
-            sights[name] = _Sight(stamp, str(name), seen.ring(row), body or self._keyframes.add())
+            if body is None and name in samples:
+                self._hold(samples[name], stamp)
+                body = samples[name].body
+            samples[name] = _LastSample(stamp, str(name), seen.ring(row),
+                                        body or self._keyframes.add())
 
     def show(self, name: str, trajectory: Trajectory) -> None:
         """Show a footprint on its trajectory, as far as that is known so far."""
@@ -127,30 +128,30 @@ class _Filler:
 
     def finish(self, end: int) -> None:
         """Show the remaining bodies at their last places until the end."""
-        for sights in self._sights.values():
-            for sight in sights.values():
-                self._hold(sight, end + 1)
+        for samples in self._samples.values():
+            for sample in samples.values():
+                self._hold(sample, end + 1)
         for name in self._footprints:
             self._lose(name, len(self._keyframes.moments))
         # Others came and went between two moments.
         self._keyframes.bodies = [body for body in self._keyframes.bodies if body.spans]
 
-    def _move(self, sight: _Sight, motion: LinearMotion, i: int) -> None:
+    def _move(self, sample: _LastSample, motion: LinearMotion, i: int) -> None:
         start, finish = int(motion.starts[i]), int(motion.finishes[i])
         first, end = self._keyframes.number(start), self._keyframes.number(finish)
         if not motion.moved[i]:
-            sight.body.show(first, end, sight.name, motion.ring(i, start))
+            sample.body.show(first, end, sample.name, motion.ring(i, start))
             return
         for number in range(first, end):
             ring = motion.ring(i, self._keyframes.moments[number])
-            sight.body.show(number, number + 1, sight.name, ring)
+            sample.body.show(number, number + 1, sample.name, ring)
 
-    def _hold(self, sight: _Sight, end: int) -> None:
+    def _hold(self, sample: _LastSample, end: int) -> None:
         """Show an obstacle at its last place, until before a time."""
-        first, until = self._keyframes.number(sight.time), self._keyframes.number(end)
-        if first < until and self._keyframes.moments[first] == sight.time:
-            sight.body.show(first, first + 1, sight.name, sight.ring)
-        sight.body.show(first, until, sight.name, sight.ring, known=False)
+        first, until = self._keyframes.number(sample.time), self._keyframes.number(end)
+        if first < until and self._keyframes.moments[first] == sample.time:
+            sample.body.show(first, first + 1, sample.name, sample.ring)
+        sample.body.show(first, until, sample.name, sample.ring, known=False)
 
     def _lose(self, name: str, end: int) -> None:
         """Show a footprint at its last place, until before a moment."""

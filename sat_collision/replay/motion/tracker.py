@@ -29,7 +29,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from sat_collision.messages.ingest import Placement
 from sat_collision.replay.motion.bodies import (
-    Block, Bodies, Interval, LinearMotion, LONGEST, motion_between, motion_in_block, stay)
+    Bodies, Interval, LinearMotion, LONGEST, motion_between, motion_in_batch, SetBatch, stay)
 from sat_collision.replay.motion.kernels import COUNT, MOVED, mutual_nearest
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import NEVER, ObstacleSettings
@@ -48,7 +48,7 @@ class Step:
     seen: Bodies | None  # received at the later moment, None if nothing was
     gone: Sequence[ObstacleId] | None  # no longer there; None for all that are not in `seen`
     finish: int  # the end of the step, ns
-    # The set before `seen` in the same block, if the step has no motion but that between the two:
+    # The set before `seen` in the same batch, if the step has no motion but that between the two:
     # it is then computed on first use.
     last: Bodies | None = None
 
@@ -56,7 +56,7 @@ class Step:
     def motions(self) -> list[LinearMotion]:
         """The motions of the bodies that are matched from one moment to the other."""
         if self.last is not None and self.seen is not None and not self.made:
-            self.made = motion_in_block(self.last, self.seen)
+            self.made = motion_in_batch(self.last, self.seen)
         return self.made
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -115,11 +115,11 @@ class Tracker(ABC):
             self.undetermined.append((first, last))
 
     def _bodies(self, names: Sequence[ObstacleId], placements: Sequence[Placement],
-                block: Block, number: int = 0) -> Bodies:
-        """Return the received bodies of a block; there may be more names than bodies."""
+                batch: SetBatch, number: int = 0) -> Bodies:
+        """Return the received bodies of a batch; there may be more names than bodies."""
         frames = {one.frame_id for one in placements}
         frame_id = frames.pop() if len(frames) == 1 else ''
-        return Bodies(names, block, number, self._max_vertices, frame_id)
+        return Bodies(names, batch, number, self._max_vertices, frame_id)
 
     def _is_usable(self, placement: Placement) -> bool:
         """Return whether a placement is in the current frame, if there is one yet."""
@@ -160,8 +160,8 @@ class SetTracker(Tracker):
                 sets.append([])
             if not placement.is_empty:
                 sets[-1].append(placement)
-        block = Block(sets, self._longest)
-        found = ((self._set(one, block, k), len(one)) for k, one in enumerate(sets))
+        batch = SetBatch(sets, self._longest)
+        found = ((self._set(one, batch, k), len(one)) for k, one in enumerate(sets))
         return [next(found) if is_first else None for is_first in begins]
 
     def place(self, placement: Placement, described: Described | None = None) -> None:
@@ -215,16 +215,16 @@ class SetTracker(Tracker):
         end = max(stamp, seen.end)
         last, last_seen = self._last, self._seen
         motions: list[LinearMotion] = []
-        is_in_block = False
+        is_in_batch = False
         if last is not None and last_seen is not None:
-            is_in_block = seen.follows(last)
-            if not is_in_block:
+            is_in_batch = seen.follows(last)
+            if not is_in_batch:
                 motions = self._follow(last, seen)
-            found = seen.followed if is_in_block else sum(map(len, motions))
+            found = seen.followed if is_in_batch else sum(map(len, motions))
             lost: set[int] = set()
             if found < len(last):
-                if is_in_block:
-                    motions = motion_in_block(last, seen)
+                if is_in_batch:
+                    motions = motion_in_batch(last, seen)
                 lost = {*self._alive}.difference(*(motion.rows.tolist() for motion in motions))
                 self._hold(last, last_seen, sorted(lost), max(end - 1, held))
             gap = stamp - (last_seen.end or self._since)
@@ -233,7 +233,7 @@ class SetTracker(Tracker):
                     gap > self._timeout or gap > self._longest
                     and any(motion.moved.any() for motion in motions)):
                 self._miss(self._since, end)
-        self._emit(self, Step(motions, seen, None, end, last if is_in_block else None))
+        self._emit(self, Step(motions, seen, None, end, last if is_in_batch else None))
         # Before the first one nothing is known.
         self._is_whole = is_whole or last is None
         self._last, self._seen = seen, seen
@@ -255,24 +255,24 @@ class SetTracker(Tracker):
         if described and described[1] == len(pending):
             seen = described[0]
         else:
-            seen = self._set(pending, Block([pending]))
+            seen = self._set(pending, SetBatch([pending]))
         if seen.may_repeat or not all(map(self._is_usable, pending)):
             shapes = {}
             for one in chain.from_iterable(placement.each() for placement in pending):
                 shapes[one.shape, one.affine] = one
             usable = [*map(self._is_usable, shapes.values())]
             pending = [*compress(shapes.values(), usable)]
-            seen = self._bodies([*compress(self._names, usable)], pending, Block([pending]))
+            seen = self._bodies([*compress(self._names, usable)], pending, SetBatch([pending]))
         return seen
 
-    def _set(self, placements: Sequence[Placement], block: Block, number: int = 0) -> Bodies:
-        bodies = self._bodies(self._names, placements, block, number)
+    def _set(self, placements: Sequence[Placement], batch: SetBatch, number: int = 0) -> Bodies:
+        bodies = self._bodies(self._names, placements, batch, number)
         self._names += [ObstacleId(self.name, k) for k in range(len(self._names), len(bodies))]
         return bodies
 
     def _follow(self, last: Bodies, seen: Bodies) -> list[LinearMotion]:
         """Return the motion from one set to the next, nothing if no body was matched."""
-        # In the block, MOVED is that of the motion from another set.
+        # In the batch, MOVED is that of the motion from another set.
         seen.rings[:, MOVED] = 0
         rows, next_rows = np.empty((2, len(last)), np.int64)
         found = mutual_nearest(last.rings, last.boxes, seen.rings, seen.boxes, self._longest,
@@ -280,7 +280,7 @@ class SetTracker(Tracker):
         return [motion_between(last, seen, rows[:found], next_rows[:found])] if found else []
 
 
-class _Sighting(NamedTuple):
+class _LastSample(NamedTuple):
     """A body in its group, its listing, when it was received, and until when it has stood."""
 
     bodies: Bodies
@@ -300,7 +300,7 @@ class KeyTracker(Tracker):
     def __init__(self, settings: ObstacleSettings, max_vertices: int, emit: Emit) -> None:
         super().__init__(settings, max_vertices, emit)
         # The bodies that are there, those that were received longest ago first.
-        self._seen: dict[ObstacleId, _Sighting] = {}
+        self._seen: dict[ObstacleId, _LastSample] = {}
         # The group of bodies that is being received.
         self._pending: dict[ObstacleId, Placement] = {}
         self._shapes: dict[tuple[bytes, object], ObstacleId] = {}
@@ -350,8 +350,8 @@ class KeyTracker(Tracker):
 
     def use_frame(self, frame_id: str) -> None:
         super().use_frame(frame_id)
-        self._seen = {name: sighting for name, sighting in self._seen.items()
-                      if sighting.bodies.frame_id == frame_id}
+        self._seen = {name: sample for name, sample in self._seen.items()
+                      if sample.bodies.frame_id == frame_id}
 
     def rest(self, now: int, is_over: bool = False) -> None:
         self._now = now
@@ -444,7 +444,7 @@ class KeyTracker(Tracker):
         if not pending:
             return
         placements = [*pending.values()]
-        seen = self._bodies([*pending], placements, Block([placements]))
+        seen = self._bodies([*pending], placements, SetBatch([placements]))
         followed: defaultdict[int, list[tuple[int, int]]] = defaultdict(list)
         standing: defaultdict[int, dict[int, int]] = defaultdict(dict)
         found: dict[int, Bodies] = {}
@@ -465,7 +465,7 @@ class KeyTracker(Tracker):
                         self._miss(last.seen_at, stamp)
             elif name.number > 0 and not one.listing and not self._is_first:
                 insort(self._appeared, stamp)
-            self._seen[name] = _Sighting(seen, row, one.listing, stamp, stamp)
+            self._seen[name] = _LastSample(seen, row, one.listing, stamp, stamp)
         gone = []
         for name in self._beside.difference(pending):
             newer, last = pending.get(name._replace(number=0)), self._seen.get(name)

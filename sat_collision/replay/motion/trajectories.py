@@ -21,7 +21,7 @@ from sat_collision.geometry.body.packer import vertices_of
 from sat_collision.geometry.body.polygon import Affine2D, Points, Polygon, PolygonError
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.replay.motion.bodies import (
-    Block, Bodies, Floats, Interval, LinearMotion, LONGEST, motion_between)
+    Bodies, Floats, Interval, LinearMotion, LONGEST, motion_between, SetBatch)
 from sat_collision.replay.motion.kernels import COUNT
 from sat_collision.replay.motion.nearness import around
 from sat_collision.scene.frames import NoTransform
@@ -34,7 +34,7 @@ _MAX_OUTLINES = 256
 Box: TypeAlias = tuple[float, float, float, float]
 
 
-class Piece:
+class Link:
     """The motion of a footprint from one sample to the next, or one sample alone."""
 
     def __init__(self, before: Bodies, after: Bodies) -> None:
@@ -56,11 +56,11 @@ class Piece:
 
 class Trajectory:
     """
-    The samples of a footprint, and the pieces of its motion.
+    The samples of a footprint, and the links of its motion.
 
-    A piece leads from one sample to the next if no refused footprint came between them, if they
+    A link leads from one sample to the next if no refused footprint came between them, if they
     are no further apart in time than the timeout, and if they have as many vertices. A sample
-    alone, or one of several with a stamp, is a piece without length. Times are in ns.
+    alone, or one of several with a stamp, is a link without length. Times are in ns.
     """
 
     def __init__(self, settings: FootprintSettings) -> None:
@@ -68,13 +68,13 @@ class Trajectory:
         self._never_stale = timeout == NEVER
         # The longest motion that is interpolated.
         self.longest = round(min(timeout, LONGEST))
-        # The block of the samples that are being added, if any.
-        self.block: Block | None = None
+        # The batch of the samples that are being added, if any.
+        self.batch: SetBatch | None = None
         # The stamp of the last sample.
         self.latest: int | None = None
         # The times in which the motion is known, those that meet as one.
         self.known: list[Interval] = []
-        self._pieces: list[Piece] = []
+        self._links: list[Link] = []
         self._starts: list[int] = []
         self._last: tuple[int, Bodies] | None = None
         # By time, the outlines found last.
@@ -89,19 +89,19 @@ class Trajectory:
             return
         self._last, self.latest = (time, sample), time
         if begin is None or time <= begin:
-            self._append(Piece(sample, sample))
+            self._append(Link(sample, sample))
         elif sample.followed if sample.follows(last) else time - begin <= self.longest and (
                 last.rings[0, COUNT] == sample.rings[0, COUNT]):
-            self._append(Piece(last, sample))
+            self._append(Link(last, sample))
         else:
-            self._append(Piece(sample, sample))
+            self._append(Link(sample, sample))
 
     def lose(self) -> None:
         """Reset the pose: it is unknown until the next sample."""
         self._last = None
 
-    def begin_of_piece(self, until: int) -> int | None:
-        """Return when the piece that leads to a sample at a time begins, None if none does."""
+    def begin_of_link(self, until: int) -> int | None:
+        """Return when the link that leads to a sample at a time begins, None if none does."""
         if self._last is None or not 0 < until - self._last[0] <= self.longest:
             return None
         return self._last[0]
@@ -112,98 +112,98 @@ class Trajectory:
             self.add(until, self._last[1].at([until]))
 
     def drop_before(self, time: int) -> None:
-        """Forget the pieces that end before a time."""
-        while len(self._pieces) > 1 and self._pieces[0].end < time:
-            del self._pieces[0], self._starts[0]
+        """Forget the links that end before a time."""
+        while len(self._links) > 1 and self._links[0].end < time:
+            del self._links[0], self._starts[0]
 
-    def pieces(self, start: int, finish: int) -> list[tuple[int, int, Piece]]:
-        """Return the beginning and the end of each piece between two times, with its motion."""
-        starts, pieces = self._starts, self._pieces
+    def links(self, start: int, finish: int) -> list[tuple[int, int, Link]]:
+        """Return the beginning and the end of each link between two times, with its motion."""
+        starts, links = self._starts, self._links
         k = max(bisect_right(starts, start) - 1, 0)
-        if starts and starts[k] <= start < finish <= pieces[k].end and (
-                not k or pieces[k - 1].end < start
-                or pieces[k - 1].begin < start and pieces[k - 1].after is pieces[k].before):
-            return [(start, finish, pieces[k])]
+        if starts and starts[k] <= start < finish <= links[k].end and (
+                not k or links[k - 1].end < start
+                or links[k - 1].begin < start and links[k - 1].after is links[k].before):
+            return [(start, finish, links[k])]
         # Pieces of no length may share their time with the end of the one before.
-        while k > 0 and pieces[k - 1].end >= start:
+        while k > 0 and links[k - 1].end >= start:
             k -= 1
-        found: list[tuple[int, int, Piece]] = []
+        found: list[tuple[int, int, Link]] = []
         while k < len(starts) and starts[k] <= finish:
-            begin, end = max(starts[k], start), min(pieces[k].end, finish)
-            # An instant whose sample ends the piece before or begins the next is left out.
+            begin, end = max(starts[k], start), min(links[k].end, finish)
+            # An instant whose sample ends the link before or begins the next is left out.
             if begin < end or begin == end and not (
-                    found and found[-1][1] == end and found[-1][2].after is pieces[k].before
-            ) and not (k + 1 < len(starts) and pieces[k + 1].before is pieces[k].after
-                       and max(starts[k + 1], start) == end < min(pieces[k + 1].end, finish)):
-                found.append((begin, end, pieces[k]))
+                    found and found[-1][1] == end and found[-1][2].after is links[k].before
+            ) and not (k + 1 < len(starts) and links[k + 1].before is links[k].after
+                       and max(starts[k + 1], start) == end < min(links[k + 1].end, finish)):
+                found.append((begin, end, links[k]))
             k += 1
         return found
 
-    def is_in_block(self, block: Block, low: int, high: int, start: int, finish: int) -> bool:
-        """Return whether pieces between two times lead to just samples low to high of a block."""
+    def is_in_batch(self, batch: SetBatch, low: int, high: int, start: int, finish: int) -> bool:
+        """Return whether links between two times lead to just samples low to high of a batch."""
         k = bisect_right(self._starts, start) - 1
         last = bisect_left(self._starts, finish) - 1
         if k < 0 or last - k != high - low:
             return False
-        # The block knows no samples by themselves, such as those of equal stamps.
+        # The batch knows no samples by themselves, such as those of equal stamps.
         first, after = bisect_left(self._starts, start), bisect_right(self._starts, finish)
-        if any(one.begin == one.end for one in self._pieces[first:after]):
+        if any(one.begin == one.end for one in self._links[first:after]):
             return False
-        begin, end = self._pieces[k].before, self._pieces[last].after
-        return (begin.block is block and end.block is block
+        begin, end = self._links[k].before, self._links[last].after
+        return (begin.batch is batch and end.batch is batch
                 and begin.number == low - 1 and end.number == high)
 
     def bounds(self, start: int, finish: int) -> Box | None:
         """Return the bounds of the footprint between two times, None if it is unknown then."""
-        boxes = [piece.box for _, _, piece in self.pieces(start, finish)]
+        boxes = [link.box for _, _, link in self.links(start, finish)]
         return reduce(around, boxes) if boxes else None
 
     def samples(self, after: int, until: int) -> list[int]:
         """Return the stamps of the samples after one time and until another."""
         first, end = bisect_right(self._starts, after), bisect_right(self._starts, until)
-        found = {piece.begin for piece in self._pieces[first:end] if not piece.before.is_between}
+        found = {link.begin for link in self._links[first:end] if not link.before.is_between}
         if self.latest is not None and after < self.latest <= until:
             found.add(self.latest)
         return sorted(found)
 
-    def piece_from(self, time: int) -> LinearMotion | None:
-        """Return the piece that begins at a time and leads on from there, None if none does."""
+    def link_from(self, time: int) -> LinearMotion | None:
+        """Return the link that begins at a time and leads on from there, None if none does."""
         for k in range(bisect_left(self._starts, time), bisect_right(self._starts, time)):
-            if self._pieces[k].end > time:
-                return self._pieces[k].motion
+            if self._links[k].end > time:
+                return self._links[k].motion
         return None
 
     def outline(self, time: int) -> Polygon | None:
         """Return the outline at a time, None if it is not known."""
         outlines = self._outlines
-        if time not in outlines and (piece := self._piece_at(time)) is not None:
+        if time not in outlines and (link := self._link_at(time)) is not None:
             if len(outlines) >= _MAX_OUTLINES:
                 outlines.clear()
             with suppress(PolygonError):
-                outlines[time] = piece.motion.polygon(0, time)
+                outlines[time] = link.motion.polygon(0, time)
         return outlines.get(time)
 
-    def _piece_at(self, time: int) -> Piece | None:
-        """Return the first piece that includes a time; pieces that meet share the sample there."""
+    def _link_at(self, time: int) -> Link | None:
+        """Return the first link that includes a time; links that meet share the sample there."""
         found = None
         for k in range(bisect_right(self._starts, time) - 1, -1, -1):
-            if self._pieces[k].end < time:
+            if self._links[k].end < time:
                 break
-            found = self._pieces[k]
+            found = self._links[k]
         return found
 
-    def _append(self, piece: Piece) -> None:
-        if self._starts and piece.begin < self._starts[-1]:
-            # The clock of the stamps was set back: the pieces so far belong to another time.
-            self._pieces.clear()
+    def _append(self, link: Link) -> None:
+        if self._starts and link.begin < self._starts[-1]:
+            # The clock of the stamps was set back: the links so far belong to another time.
+            self._links.clear()
             self._starts.clear()
             self._outlines.clear()
-        self._pieces.append(piece)
-        self._starts.append(piece.begin)
-        begin = piece.begin
+        self._links.append(link)
+        self._starts.append(link.begin)
+        begin = link.begin
         if self.known and self.known[-1][1] == begin:
             begin, _ = self.known.pop()
-        self.known.append((begin, piece.end))
+        self.known.append((begin, link.end))
 
 
 # The most that a vertex may be off the line that approximates its motion, in m, as in the sweep.

@@ -28,8 +28,8 @@ import pytest
 from recordings import (
     INSTANCE, losses, LOST, LOST_TOPIC, main, MARKS, SOURCE, STAMPS, START, write)
 from rosbags.highlevel import AnyReader
+from sat_collision.replay.check import check
 from sat_collision.replay.model.result import joined, Options
-from sat_collision.replay.run import check
 from test_replay_theory import FORMS, outline, Recorded
 
 pytest.importorskip('matplotlib')

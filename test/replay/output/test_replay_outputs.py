@@ -124,7 +124,7 @@ def test_written_bag_is_the_same_without_ros_and_numba(tmp_path):
         import os
         os.environ['NUMBA_DISABLE_JIT'] = '1'
         from sat_collision.replay.model.result import Options
-        from sat_collision.replay.run import check
+        from sat_collision.replay.check import check
         result = check(sys.argv[1], Options(parameters={'margin': 12.0}, duration=1.0,
                                             as_live=True, write_bag=sys.argv[2]))
         print(result.problems, len(result.contacts), 'rclpy' in sys.modules)

@@ -16,7 +16,7 @@ from recordings import (
     box, check, COLLECTION, declared, drive, INSTANCE, MARKS, NAMES, POLYGON_2D, published,
     SOURCE, STAMPS, START, write)
 from sat_collision.messages.cdr import decode
-from sat_collision.replay import run as replay
+from sat_collision.replay import check as replay
 from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.model.result import HEADER, Options, Verdict
 

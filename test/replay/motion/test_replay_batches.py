@@ -118,12 +118,12 @@ def test_first_sample_is_that_of_its_footprint():
 def test_most_steps_are_processed_together(monkeypatch):
     """Otherwise the tests above would test nothing."""
     answers = []
-    decide = contacts.ContactTracker._decide_from_block
+    decide = contacts.ContactTracker._decide_from_batch
 
     def noting(*arguments):
         answers.append(decide(*arguments))
         return answers[-1]
-    monkeypatch.setattr(contacts.ContactTracker, '_decide_from_block', noting)
+    monkeypatch.setattr(contacts.ContactTracker, '_decide_from_batch', noting)
     for seed in range(8):
         decided(recorded(seed), 500)
     assert sum(answers) > 300

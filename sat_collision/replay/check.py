@@ -7,7 +7,7 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""The run of one recording through the scene of the live node."""
+"""The check of one recording: its messages go through the scene of the live node."""
 
 from __future__ import annotations
 
@@ -87,15 +87,15 @@ def check_recording(recording: Recording, options: Options,
         # Recordings have no sequence numbers: only what they hold can be judged.
         settings = replace(settings, obstacles=tuple(
             replace(source, assume_no_loss=True) for source in settings.obstacles))
-        _Run(recording, settings, options, result).run(progress)
+        _Check(recording, settings, options, result).run(progress)
     except (ParameterError, OSError) as error:
         result.problems.append(f'{path}: {error}')
     result.problems[:0] = recording.problems
     return result
 
 
-class _Run:
-    """A run of one recording through the scene."""
+class _Check:
+    """The check of one recording."""
 
     def __init__(self, recording: Recording, settings: Settings, options: Options,
                  result: Result) -> None:

@@ -269,6 +269,7 @@ def test_an_index_built_while_others_ask_and_change():
         assert [one.result() for one in asked] == [0, 0, 0]
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not COMPILED, reason='this is plain Python')
 def test_the_same_in_plain_python():
     assert not failures_in_plain_python(__file__)

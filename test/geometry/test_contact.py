@@ -319,7 +319,7 @@ def moved(a, way):
 def test_way_out_is_the_shortest(on_lattice):
     """Compared with the distance from the boundary of the Minkowski difference, by shapely."""
     longer = on_cuts = 0
-    for a, b in pairs_of(on_lattice, np.random.default_rng(8), 1500):
+    for a, b in pairs_of(on_lattice, np.random.default_rng(8), 600):
         if not overlap(a, b):
             continue
         found = check(a, b)
@@ -330,7 +330,7 @@ def test_way_out_is_the_shortest(on_lattice):
         assert not intersects(moved(a, (found.depth + 2 ** -45 * extent) * found.normal), b)
         longer += found.depth > 1e-9 - found.separation
         on_cuts += found.separation == 0.0
-    assert longer > 100 and on_cuts >= 5 * on_lattice
+    assert longer > 40 and on_cuts >= 2 * on_lattice
 
 
 def is_free(a, b, normal):

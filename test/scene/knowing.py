@@ -19,7 +19,8 @@ import random
 import sys
 import time
 
-from knowing_world import MODES, MOVING, replayed, World
+from knowing_messages import MODES, MOVING
+from knowing_world import replayed, World
 from sat_collision.scene.settings import EACH_MESSAGE
 
 EVENTS_OF_A_RUN = 40

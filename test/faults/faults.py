@@ -33,18 +33,13 @@ sys.path[:0] = [str(ROOT), str(ROOT / 'test' / 'support'), str(ROOT / 'docs')]
 from builders import box, serialised  # noqa: E402
 from geometry_msgs.msg import PolygonStamped  # noqa: E402
 from page_parts import replace_part  # noqa: E402
-import rclpy  # noqa: E402
 from rclpy.duration import Duration  # noqa: E402
 from rclpy.event_handler import SubscriptionEventCallbacks  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.qos import LivelinessPolicy, QoSProfile  # noqa: E402
-from std_msgs.msg import Bool  # noqa: E402
+from witness import TOO_OLD, Witness  # noqa: E402
 
-TIMEOUT = 120.0
 _PERIOD = 0.02
 _TIMEOUT = 0.5
-# README's rule for subscribers: without a flag for this time, it counts as raised, in s.
-_TOO_OLD = 0.3
 # Obstacles per set.
 _COUNT = 20
 # How many messages a publisher keeps for a monitor that does not receive them.
@@ -88,54 +83,43 @@ class Outcome(NamedTuple):
     wrong_clears: int
 
 
-class Rig:
+class Rig(Witness):
     """A node process, publishers of a robot and of far obstacles, and a subscriber of the flag."""
 
     def __init__(self, domain: int) -> None:
-        self._domain = domain
         self._folder = tempfile.TemporaryDirectory(prefix='sat_collision_faults_')
         self.hanging = Path(self._folder.name, 'hang')
         self._clock = Path(self._folder.name, 'clock')
-        self._context = rclpy.Context()
-        self._context.init(domain_id=domain)
-        self._node = rclpy.create_node('rig', context=self._context)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
-        self._flags: list[tuple[float, bool]] = []
-
-        self._node.create_subscription(
-            Bool, '/footprint_monitor/collision', self._receive,
-            QoSProfile(depth=100, deadline=Duration(seconds=0.35),
-                       liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
-                       liveliness_lease_duration=Duration(seconds=0.6)),
+        super().__init__(
+            domain, QoSProfile(depth=100, deadline=Duration(seconds=0.35),
+                               liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
+                               liveliness_lease_duration=Duration(seconds=0.6)),
             event_callbacks=SubscriptionEventCallbacks(
                 deadline=lambda event: None, liveliness=lambda event: None))
-        self._publishers = {name: self._node.create_publisher(PolygonStamped, name, _DEPTH)
+        self._publishers = {name: self.node.create_publisher(PolygonStamped, name, _DEPTH)
                             for name in ('footprint', 'obstacles')}
         self.x = {'footprint': 0.0, 'obstacles': 5.0}
         self.silent: set[str] = set()
         self.damaged: set[str] = set()
         self._one_at_a_time = threading.Lock()
         self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._publish)
-        self._thread.start()
+        self._sender = threading.Thread(target=self._publish)
+        self._sender.start()
         self.process: subprocess.Popen[bytes] | None = None
 
     def start(self, *command: str) -> None:
         """Start the node's process, optionally through another command."""
-        self.process = subprocess.Popen(
+        self.process = self.run(
             [*command, sys.executable, '-c', _PROGRAM, str(self.hanging), '--ros-args',
              '-p', f'footprint.timeout:={_TIMEOUT}', '-p', f'obstacle.timeout:={_TIMEOUT}',
-             '-p', 'obstacle.set_end:=empty_polygon'],
-            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=ROOT,
-            env={**os.environ, 'ROS_DOMAIN_ID': str(self._domain)})
+             '-p', 'obstacle.set_end:=empty_polygon'])
 
     def restart(self, *command: str) -> None:
         """Kill the node's process if it is running, and start it again."""
         self.kill()
         # Drop the flags of the old process.
-        self.spin(0.2)
-        self._flags.clear()
+        time.sleep(0.2)
+        self.flags.clear()
         self.start(*command)
 
     def kill(self) -> None:
@@ -170,11 +154,8 @@ class Rig:
     def close(self) -> None:
         """Stop all threads and processes."""
         self._ended.set()
-        self._thread.join()
-        self.kill()
-        self._executor.shutdown()
-        self._node.destroy_node()
-        self._context.shutdown()
+        self._sender.join()
+        super().close()
         self._folder.cleanup()
 
     def _publish(self) -> None:
@@ -183,35 +164,20 @@ class Rig:
                 if name not in self.silent:
                     self.publish(name)
 
-    def _receive(self, flag: Bool) -> None:
-        self._flags.append((time.monotonic(), flag.data))
-
-    def spin(self, seconds: float = 0.0) -> None:
-        """Receive what has arrived, for some time."""
-        end = time.monotonic() + seconds
-        self._executor.spin_once(timeout_sec=0.002)
-        while time.monotonic() < end:
-            self._executor.spin_once(timeout_sec=0.002)
+    def time_of(self, info: dict[str, int]) -> float:
+        """Return when a message is received, since the clock of the node may be stepped."""
+        return time.monotonic()
 
     def is_clear(self) -> bool:
         """Tell whether a subscriber that follows the rule may consider the robot clear."""
-        if not self._flags:
+        if not self.flags:
             return False
-        when, raised = self._flags[-1]
-        return not raised and time.monotonic() - when < _TOO_OLD
-
-    def until(self, condition: Callable[[], bool]) -> float:
-        """Spin until a condition holds; return how long it took."""
-        begun = time.monotonic()
-        while not condition():
-            if time.monotonic() - begun > TIMEOUT:
-                raise TimeoutError('what was awaited did not happen')
-            self.spin()
-        return time.monotonic() - begun
+        when, raised = self.flags[-1]
+        return not raised and time.monotonic() - when < TOO_OLD
 
     def clears_since(self, when: float) -> int:
         """Return the number of clear flags after a time."""
-        return sum(not raised for time_, raised in self._flags if time_ > when)
+        return sum(not raised for time_, raised in self.flags if time_ > when)
 
 
 def outcome(rig: Rig, begin: Callable[[], object], end: Callable[[], object],
@@ -221,7 +187,7 @@ def outcome(rig: Rig, begin: Callable[[], object], end: Callable[[], object],
     begun = time.monotonic()
     begin()
     detected = rig.until(lambda: not rig.is_clear())
-    rig.spin(lasting)
+    time.sleep(lasting)
     wrong = rig.clears_since(begun + _BEGINS)
     end()
     return Outcome(detected, rig.until(rig.is_clear), wrong)
@@ -275,13 +241,13 @@ def _contact_in_flood(rig: Rig) -> Outcome:
 
     def begin() -> None:
         rig.x['footprint'] = 5.0
-        noise.append(rig._node.create_publisher(PolygonStamped, 'obstacles', 1000))
+        noise.append(rig.node.create_publisher(PolygonStamped, 'obstacles', 1000))
         thread.start()
 
     def end() -> None:
         flooded.set()
         thread.join()
-        rig._node.destroy_publisher(noise[0])
+        rig.node.destroy_publisher(noise[0])
         rig.x['footprint'] = 0.0
     try:
         return outcome(rig, begin, end)

@@ -27,10 +27,8 @@ import os
 from pathlib import Path
 import random
 import signal
-import subprocess
 import sys
 import tempfile
-import threading
 import time
 from typing import Any, NamedTuple
 
@@ -44,21 +42,16 @@ from nav_msgs.msg import Odometry  # noqa: E402
 from page_parts import replace_part  # noqa: E402
 import publishers  # noqa: E402
 from publishers import BEST_EFFORT, LATCHED, Publisher, SECOND, World  # noqa: E402
-import rclpy  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 from rclpy.parameter_client import AsyncParameterClient  # noqa: E402
 from rosgraph_msgs.msg import Clock  # noqa: E402
-from std_msgs.msg import Bool  # noqa: E402
+from witness import TOO_OLD, Witness  # noqa: E402
 
 try:
     from polygon_msgs.msg import Polygon2DCollection
 except ImportError:
     Polygon2DCollection = None
 
-TIMEOUT = 60.0
-# README's rule for subscribers: without a flag for this time, it counts as raised, in s.
-TOO_OLD = 0.3
 # How much later the flag may fall on a busy machine, in s.
 SLACK = 30.0
 # How long the flag must stay down, in s.
@@ -83,7 +76,7 @@ class Outcome(NamedTuple):
     recovered: float  # from the end of fault and contact until the flag falls; inf if never
 
 
-class Stage:
+class Stage(Witness):
     """
     A monitor process, publishers, and a subscriber of the flag.
 
@@ -95,24 +88,13 @@ class Stage:
         self.length = length
         self.world = World()
         self.random = random.Random(1)
-        self._domain = domain
         self._parameters = parameters
-        self._flags: list[tuple[float, bool]] = []
-        self._context = rclpy.Context()
-        self._context.init(domain_id=domain)
-        self.node = rclpy.create_node('listener', context=self._context)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self.node)
-        self.node.create_subscription(Bool, '/footprint_monitor/collision', self._receive, 1000)
+        super().__init__(domain, 1000)
         # What the last state says.
         self.message = ''
         self.node.create_subscription(
             DiagnosticArray, '/footprint_monitor/state', self._receive_state, 1000)
-        self._is_open = True
-        self._thread = threading.Thread(target=self._spin)
-        self._thread.start()
         self.publishers: list[Publisher] = []
-        self._processes: list[subprocess.Popen[bytes]] = []
         self.contact()
 
     def start_monitor(self) -> None:
@@ -123,18 +105,11 @@ class Stage:
                      for word in ('-p', f'{name}:={value}')]
         self.monitor = self.run([sys.executable, *program, '--ros-args', *arguments])
 
-    def run(self, command: Sequence[str]) -> subprocess.Popen[bytes]:
-        """Run a process until the stage is closed."""
-        self._processes.append(subprocess.Popen(
-            command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-            env={**os.environ, 'ROS_DOMAIN_ID': str(self._domain)}))
-        return self._processes[-1]
-
     def publish(self, script: Callable[..., None], topic: str = '/obstacles',
                 node: str = 'perception', **options: Any) -> Publisher:
         """Start a process that publishes; see `Publisher`."""
         self.publishers.append(
-            Publisher(self.world, self._domain, script, topic, node, **options))
+            Publisher(self.world, self.domain, script, topic, node, **options))
         return self.publishers[-1]
 
     def respawn(self, script: Callable[..., None], **options: Any) -> None:
@@ -144,7 +119,7 @@ class Stage:
 
     def await_flag(self) -> None:
         """Wait for the monitor's first flag."""
-        self.until(lambda: self._flags, 60.0)
+        self.until(lambda: self.flags)
 
     def await_publishers(self, topic: str, count: int) -> None:
         """Wait until all processes should have found some publishers."""
@@ -166,14 +141,6 @@ class Stage:
     def wait(self, seconds: float) -> None:
         time.sleep(seconds)
 
-    def until(self, condition: Callable[[], object], timeout: float = TIMEOUT) -> None:
-        """Wait for a condition; fail if it never holds."""
-        end = time.monotonic() + timeout
-        while not condition():
-            if time.monotonic() > end:
-                raise TimeoutError('what was awaited did not happen')
-            time.sleep(0.005)
-
     def await_clear(self) -> None:
         """Wait for the flag to fall."""
         since = time.time()
@@ -185,7 +152,7 @@ class Stage:
         with contextlib.suppress(TimeoutError):
             self.until(lambda: time.time() - self._falls(since) > _STAYS,
                        promise + SLACK + _STAYS + 1.0)
-        return Outcome(drivable(self._flags, self._begun + TOO_OLD, self._ended),
+        return Outcome(drivable(self.flags, self._begun + TOO_OLD, self._ended),
                        self._falls(since) - since)
 
     def set_enabled(self, enabled: bool) -> None:
@@ -233,29 +200,14 @@ class Stage:
         """Stop all threads and processes."""
         for publisher in self.publishers:
             publisher.kill()
-        for process in self._processes:
-            process.kill()
-            process.wait()
-        self._is_open = False
-        self._thread.join()
-        self._executor.shutdown()
-        self.node.destroy_node()
-        self._context.shutdown()
-
-    def _spin(self) -> None:
-        while self._is_open:
-            self._executor.spin_once(timeout_sec=0.1)
-
-    def _receive(self, flag: Bool, info: dict[str, int]) -> None:
-        # The time of publication, since this process may be late.
-        self._flags.append((info['source_timestamp'] / SECOND, flag.data))
+        super().close()
 
     def _receive_state(self, states: DiagnosticArray) -> None:
         self.message = states.status[0].message
 
     def _falls(self, since: float) -> float:
         """Return when the flag fell for the last time, infinity if it is raised or old."""
-        flags = [(when, raised) for when, raised in list(self._flags) if when > since]
+        flags = [(when, raised) for when, raised in list(self.flags) if when > since]
         if not flags or flags[-1][1] or time.time() - flags[-1][0] > TOO_OLD:
             return math.inf
         raised = [k for k, (_, raised) in enumerate(flags) if raised]

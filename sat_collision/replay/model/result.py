@@ -292,15 +292,9 @@ class Result:
     @property
     def too_unknown(self) -> list[FootprintResult]:
         """The footprints that were unknown for too long, besides their start-up."""
-        limit = 1e9 * self.options.max_unknown
         return [footprint for footprint in self.footprints if footprint.enabled and (
-            footprint.unknown - self._unknown_at_start(footprint) > limit
+            self._only(self.unknown, footprint, self.end or 0) > 1e9 * self.options.max_unknown
             or not footprint.ever_known)]
-
-    def _unknown_at_start(self, footprint: FootprintResult) -> int:
-        end = (self.start or 0) + footprint.start_up
-        return sum(min(one.last, end) - one.first for one in self.unknown
-                   if one.footprint == footprint.name and one.first < end)
 
     @property
     def too_undetermined(self) -> list[FootprintResult]:
@@ -310,9 +304,14 @@ class Result:
 
     def undetermined_of(self, footprint: FootprintResult) -> int:
         """Return for how long (ns) motion was undetermined after start-up, before its end."""
-        start, end = (self.start or 0) + footprint.start_up, footprint.last or 0
-        return sum(max(min(one.last, end) - max(one.first, start), 0)
-                   for one in self.undetermined if one.footprint == footprint.name)
+        return self._only(self.undetermined, footprint, footprint.last or 0)
+
+    def _only(self, intervals: Iterable[Unknown], footprint: FootprintResult, end: int) -> int:
+        """Return for how long (ns) a footprint is in intervals after start-up, not in contact."""
+        start = (self.start or 0) + footprint.start_up
+        contacts = _within(self.contacts, footprint.name, start, end)
+        return _length([*contacts, *_within(intervals, footprint.name, start, end)]
+                       ) - _length(contacts)
 
     @property
     def too_soon(self) -> list[FootprintResult]:
@@ -398,6 +397,18 @@ def joined(intervals: Iterable[tuple[_Number, _Number]], gap: float = 0
             first, last = found[-1][0], max(last, found.pop()[1])
         found.append((first, last))
     return found
+
+
+def _within(intervals: Iterable[Contact | Unknown], name: str, start: int, end: int
+            ) -> list[tuple[int, int]]:
+    """Return the parts of a footprint's intervals between two times."""
+    parts = [(max(one.first, start), min(one.last, end)) for one in intervals
+             if one.footprint == name]
+    return [(first, last) for first, last in parts if first < last]
+
+
+def _length(intervals: Iterable[tuple[int, int]]) -> int:
+    return sum(last - first for first, last in joined(intervals))
 
 
 def joined_contacts(contacts: Iterable[Contact]) -> list[Contact]:

@@ -64,6 +64,7 @@ class Case(NamedTuple):
 
 CASES = {
     **{f'contact {form}': Case(form, 3, 'collision', has_losses=True) for form in FORMS},
+    'contact at the start': Case('ids', 2, 'collision', has_losses=True),
     'clear': Case(MARKS, 3, 'clear', away=-100, max_unknown=100.0, max_undetermined=100.0),
     'unknown': Case('ids', 3, 'unknown', away=-100),
     'damaged': Case(None, 3, 'bad input', away=-100, is_damaged=True),

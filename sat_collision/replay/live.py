@@ -117,7 +117,7 @@ class Timeline:
                 self._measured[name, obstacle] = bodies
                 # Subtracted from 0.0 instead of negated, which would give -0.0 for touching.
                 if contact.deepen(0.0 - separation(*bodies), now, *bodies):
-                    self._results[name].note_contact(contact)
+                    self._results[name].note_least(contact.least)
                     if self._tape:
                         self._tape.keep(now, contact.depth)
 

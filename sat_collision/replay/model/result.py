@@ -125,6 +125,11 @@ class Contact:
         self.points = found.points_a.tolist()
         return True
 
+    @property
+    def least(self) -> Least:
+        """The separation where it is deepest."""
+        return Least(0.0 - self.depth, self.deepest, self.obstacle, self.x, self.y, self.found)
+
     def join(self, other: Contact) -> None:
         """Add a contact of the same footprint and obstacle that began later."""
         if other.depth > self.depth:
@@ -217,11 +222,6 @@ class FootprintResult:
         """Record a separation if it is the least so far."""
         if self.least is None or found.separation < self.least.separation:
             self.least = found
-
-    def note_contact(self, contact: Contact) -> None:
-        """Record the separation where a contact is deepest if it is the least so far."""
-        self.note_least(Least(0.0 - contact.depth, contact.deepest, contact.obstacle, contact.x,
-                              contact.y, contact.found))
 
 
 @dataclass

@@ -378,7 +378,7 @@ class ContactResults:
         """Record how deep a contact is at a time, and where; and the obstacle's name then."""
         if contact.deepen(depth, time, *bodies):
             contact.deepest_as = str(name)
-            self._result.note_contact(contact)
+            self._result.note_least(contact.least)
 
     def series(self) -> Series:
         """Return a new series, for the separations from the nearest obstacles of one tracker."""

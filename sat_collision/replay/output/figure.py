@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
-from typing import NamedTuple, TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -25,7 +25,7 @@ from matplotlib.transforms import Bbox
 import numpy as np
 from numpy.typing import NDArray
 from sat_collision.replay.model.keyframes import Keyframes
-from sat_collision.replay.model.result import deepest_contacts, joined, Result
+from sat_collision.replay.model.result import deepest_contacts, joined, Least, Result
 from sat_collision.replay.output.text import (
     Bar, colours, distance, GREY, INK, Lane, lanes_of, name_of, OBSTACLE, RED)
 
@@ -51,27 +51,14 @@ _SMALLEST = 6.0
 _GAP = 3.0
 
 
-class _View(NamedTuple):
-    """What a scene shows: a contact, or the least separation of all."""
-
-    footprint: str
-    obstacle: str
-    time: int
-    separation: float
-    x: float
-    y: float
+# What a scene shows: a footprint, and how near it is to an obstacle then.
+_View: TypeAlias = tuple[str, Least]
 
 
 def _views(result: Result) -> Sequence[_View | None]:
     """Return the scenes to show: the deepest contacts, else the least separation, else None."""
     found = sorted(deepest_contacts(result)[:_MAX_SCENES], key=lambda contact: contact.deepest)
-    if found:
-        return [_View(one.footprint, one.obstacle, one.deepest, 0.0 - one.depth, one.x, one.y)
-                for one in found]
-    if not result.nearest:
-        return [None]
-    name, least = result.nearest
-    return [_View(name, least.obstacle, least.time, least.separation, least.x, least.y)]
+    return [(one.footprint, one.least) for one in found] or [result.nearest]
 
 
 def write_picture(result: Result, path: str) -> None:
@@ -106,8 +93,8 @@ def draw_picture(result: Result) -> Figure:
         axes.set(xlabel='x [m]', ylabel='y [m]')
         titles.append(axes.set_title(
             'no separation could be measured' if view is None else
-            f'{result.since(view.time):.3f} s: {view.footprint} and {view.obstacle}, '
-            f'{distance(view.separation)}', fontsize=10))
+            f'{result.since(view[1].time):.3f} s: {view[0]} and {view[1].obstacle}, '
+            f'{distance(view[1].separation)}', fontsize=10))
         titles[-1].set_in_layout(False)
     keyframes = result.keyframes or Keyframes([result.start or 0])
     # The size of axes depends on their labels, and these on the limits.
@@ -190,10 +177,11 @@ def _bounds(bar: Bar, result: Result) -> tuple[float, float]:
 def _look_at(axes: Axes, view: _View | None, keyframes: Keyframes) -> None:
     """Set the limits to show a view, or without one all places of the footprints."""
     if view:
-        middle: NDArray[np.float64] = np.array([view.x, view.y])
-        footprint = keyframes.footprint(view.footprint)
+        name, least = view
+        middle: NDArray[np.float64] = np.array([least.x, least.y])
+        footprint = keyframes.footprint(name)
         size = float(np.max(np.ptp(footprint.spans[0].ring, axis=0))) if footprint else 0.0
-        reach: NDArray[np.float64] = np.full(2, max(max(view.separation, 0.0) + 1.5 * size, 1.0))
+        reach: NDArray[np.float64] = np.full(2, max(max(least.separation, 0.0) + 1.5 * size, 1.0))
     else:
         points = np.concatenate([np.zeros((0, 2)), *(
             span.ring for body in keyframes.bodies if body.is_footprint for span in body.spans)])
@@ -213,7 +201,8 @@ def _draw_scene(result: Result, keyframes: Keyframes, axes: Axes, view: _View | 
 
     Footprints, bodies in contact and the obstacle of the view get labels.
     """
-    number = keyframes.number(view.time) if view else 0
+    least = view[1] if view else None
+    number = keyframes.number(least.time) if least else 0
     time = keyframes.moments[number]
     touching = {body for contact in result.contacts if contact.first <= time <= contact.last
                 for body in (keyframes.footprint(contact.footprint), result.obstacle_of(contact))}
@@ -235,7 +224,7 @@ def _draw_scene(result: Result, keyframes: Keyframes, axes: Axes, view: _View | 
         seen = Bbox.intersection(box, axes.bbox)
         if seen is None:
             continue
-        if body.is_footprint or body in touching or view and span.name == view.obstacle:
+        if body.is_footprint or body in touching or least and span.name == least.obstacle:
             taken.append(seen)
             texts.append((span.name, seen, colour if body.is_footprint else INK))
         else:

@@ -33,10 +33,11 @@ from sat_collision.replay.output.text import (
     how_found, how_soon, lasting, plan_failures, report, summary)
 
 SCHEMA = 'sat_collision.replay/5'
+_MANIFOLD_COLUMNS = ('normal_x', 'normal_y', 'point_x_m', 'point_y_m', 'second_point_x_m',
+                     'second_point_y_m')
 _COLUMNS = ('bag', 'kind', 'footprint', 'obstacle', 'first_ns', 'last_ns', 'duration_s', 'depth_m',
-            'deepest_ns', 'x_m', 'y_m', 'reason', 'found', 'normal_x', 'normal_y', 'point_x_m',
-            'point_y_m', 'second_point_x_m', 'second_point_y_m', 'time_to_collision_s', 'pose',
-            'along_m')
+            'deepest_ns', 'x_m', 'y_m', 'reason', 'found', *_MANIFOLD_COLUMNS,
+            'time_to_collision_s', 'pose', 'along_m')
 # A test case: recording, subject, how it would fail (error or failure), and what is wrong.
 _Case: TypeAlias = tuple[str, str, str, list[str]]
 _Values: TypeAlias = dict[str, Any]
@@ -74,29 +75,34 @@ def write_csv(results: list[Result], path: str) -> None:
         writer = csv.DictWriter(file, _COLUMNS)
         writer.writeheader()
         for result in results:
-            writer.writerows(dict(zip(_COLUMNS, row)) for row in _rows(result))
+            writer.writerows({'bag': result.bag, **row} for row in _rows(result))
 
 
-def _rows(result: Result) -> Iterator[tuple[Any, ...]]:
-    """Yield the rows of a table; empty cells at the end of a row are left out."""
+def _rows(result: Result) -> Iterator[_Values]:
+    """Yield the rows of a table, without cells that are empty."""
     for contact in result.contacts:
-        yield (result.bag, 'contact', contact.footprint, contact.obstacle, contact.first,
-               contact.last, (contact.last - contact.first) / 1e9, contact.depth,
-               contact.deepest, contact.x, contact.y, '', contact.found, *contact.normal,
-               *chain.from_iterable(contact.points))
+        yield {**_interval('contact', contact.footprint, contact.first, contact.last),
+               'obstacle': contact.obstacle, 'depth_m': contact.depth,
+               'deepest_ns': contact.deepest, 'x_m': contact.x, 'y_m': contact.y,
+               'found': contact.found, **dict(zip(
+                   _MANIFOLD_COLUMNS, chain(contact.normal, *contact.points)))}
     for kind, intervals in result.undecided.items():
         for one in intervals:
-            yield (result.bag, kind, one.footprint, '', one.first, one.last,
-                   (one.last - one.first) / 1e9, '', '', '', '', '; '.join(one.reasons))
+            yield {**_interval(kind, one.footprint, one.first, one.last),
+                   'reason': '; '.join(one.reasons)}
     for footprint in result.footprints:
         for time, seconds in footprint.time_to_collision:
             if seconds is not None:
-                yield (result.bag, 'time to collision', footprint.name, '', time, time,
-                       *[''] * (_COLUMNS.index('time_to_collision_s') - 6), seconds)
+                yield {'kind': 'time to collision', 'footprint': footprint.name,
+                       'first_ns': time, 'last_ns': time, 'time_to_collision_s': seconds}
     for plan in result.plan_contacts:
-        yield (result.bag, 'plan', plan.footprint, plan.obstacle, plan.time, plan.until,
-               (plan.until - plan.time) / 1e9, *[''] * (_COLUMNS.index('pose') - 7), plan.pose,
-               plan.metres)
+        yield {**_interval('plan', plan.footprint, plan.time, plan.until),
+               'obstacle': plan.obstacle, 'pose': plan.pose, 'along_m': plan.metres}
+
+
+def _interval(kind: str, footprint: str, first: int, last: int) -> _Values:
+    return {'kind': kind, 'footprint': footprint, 'first_ns': first, 'last_ns': last,
+            'duration_s': (last - first) / 1e9}
 
 
 def write_junit(results: list[Result], path: str) -> None:

@@ -17,7 +17,7 @@ from html import escape
 from importlib.resources import files
 import json
 from math import inf
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from sat_collision.replay.model.keyframes import Floats, Keyframes, ShownBody
@@ -25,8 +25,7 @@ from sat_collision.replay.model.result import (
     Contact, deepest_contacts, joined, least_of_all, MAX_CONTACTS, overall, PlanContact, Result,
     Sample, SEVERITY, Unknown)
 from sat_collision.replay.output.text import (
-    CLOCKS, colours, contact_row, CONTACTS, distance, footprint_row, FOOTPRINTS, lanes_of, lasting,
-    name_of, plan_contact_row, PLAN_CONTACTS, plan_rows, PLANS, SOONEST, soonest_rows, UNKNOWN,
+    CLOCKS, colours, distance, first_and_duration, INTERVAL, lanes_of, name_of, Table, tables_of,
     unknown_times)
 
 _SCRIPTS = ('page.js', 'timeline.js', 'scene.js')
@@ -42,8 +41,6 @@ _FEWEST_MOMENTS = 24
 _MAX_PLACES = 200
 # Characters: two numbers of two digits, and commas.
 _LEAST_OF_VERTEX = 6
-# Title, note, head and rows.
-_Table: TypeAlias = tuple[str, str, tuple[str, ...], Sequence[Sequence[str]]]
 
 
 def write_page(results: list[Result], path: str) -> None:
@@ -173,7 +170,7 @@ def _contact(contact: Contact, result: Result, rows: dict[ShownBody, int],
     bodies = keyframes.footprint(contact.footprint), result.obstacle_of(contact)
     return {
         'footprint': names[contact.footprint], 'obstacle': contact.obstacle,
-        'words': distance(0.0 - contact.depth), 'value': 0.0 - contact.depth,
+        'words': distance(contact.least.separation), 'value': contact.least.separation,
         'x': contact.x, 'y': contact.y,
         'points': contact.points, 'normal': contact.normal,
         'first': result.since(contact.first), 'last': result.since(contact.last),
@@ -250,8 +247,8 @@ def _facts_of(result: Result, moments: list[int], left_out: int) -> list[str]:
     return [*facts, result.bag]
 
 
-def _intervals(result: Result, title: str, intervals: list[Unknown]) -> _Table:
-    """Return a table of the longest times, one row for the footprints of each time and reason."""
+def _longest(result: Result, intervals: list[Unknown]) -> tuple[str, Table]:
+    """Return a note and the longest times, one row for the footprints of each time and reason."""
     times: dict[tuple[str, str], list[tuple[int, int]]] = {}
     for one in intervals:
         for reason in one.reasons:
@@ -261,35 +258,36 @@ def _intervals(result: Result, title: str, intervals: list[Unknown]) -> _Table:
         for first, last in joined(found, 0):
             names.setdefault((first, last, reason), []).append(name)
     longest = sorted(names.items(), key=lambda item: item[0][0] - item[0][1])[:_MAX_ROWS]
-    return (title, f'the {_MAX_ROWS} longest of {len(names)}' if len(names) > _MAX_ROWS else '',
-            UNKNOWN, [(', '.join(own), f'{result.since(first):.3f}', lasting(last - first), reason)
-                      for (first, last, reason), own in sorted(longest)])
+    return (f'the {_MAX_ROWS} longest of {len(names)}' if len(names) > _MAX_ROWS else '',
+            Table(INTERVAL, [
+                (', '.join(own), *first_and_duration(Unknown('', first, last, []), result), reason)
+                for (first, last, reason), own in sorted(longest)]))
 
 
 def _tables_of(result: Result, contacts: list[Contact]) -> list[dict[str, Any]]:
     """Return the tables of a result; in that of contacts each row is one of those given."""
+    found = tables_of(result, contacts)
     more = len(result.contacts) - len(contacts)
     deepest = f'the {MAX_CONTACTS} deepest; {more} more are in what --csv and --json write'
     sample = '' if result.options.as_live else (
         'found at a sample: at the stamp of a message; else in the motion between two messages')
-    plans = result.plan_contacts
-    first = f'the first {_MAX_ROWS} of {len(plans)}' if len(plans) > _MAX_ROWS else ''
-    tables: list[_Table] = [
-        ('Contacts', '; '.join(filter(None, (deepest if more else '', sample))), CONTACTS,
-         [contact_row(contact, result) for contact in contacts]),
-        ('Plans in contact', first, PLAN_CONTACTS,
-         [plan_contact_row(one, result) for one in plans[:_MAX_ROWS]]),
-        ('Plans', '', PLANS, plan_rows(result)),
-        *(_intervals(result, state.capitalize(), intervals)
+    plans, footprints = found['plans in contact'], found['footprints']
+    first = f'the first {_MAX_ROWS} of {len(plans.rows)}' if len(plans.rows) > _MAX_ROWS else ''
+    tables = [
+        ('Contacts', '; '.join(filter(None, (deepest if more else '', sample))),
+         found['contacts']),
+        ('Plans in contact', first, plans._replace(rows=plans.rows[:_MAX_ROWS])),
+        ('Plans', '', found['plans checked']),
+        *((state.capitalize(), *_longest(result, intervals))
           for state, intervals in result.undecided.items()),
-        ('Footprints', '', (*FOOTPRINTS, 'topic'),
-         [(*footprint_row(one, result), one.topic) for one in result.footprints]),
-        ('Least time to collision', '', SOONEST, soonest_rows(result)),
-        ('Messages', '', ('source', 'topic', 'received', 'lost', 'motion undetermined [s]'),
-         [(source.name, source.topic, str(source.received), str(source.lost),
-           f'{source.undetermined / 1e9:.3f}')
-          for source in result.sources]),
-        ('Rejections', '', ('source', 'messages', 'reason', 'the first one'),
-         [(source.name, str(count), reason, source.examples.get(reason, ''))
-          for source in result.sources for reason, count in source.rejected.items()])]
-    return [dict(zip(('title', 'note', 'head', 'rows'), table)) for table in tables]
+        ('Footprints', '', Table((*footprints.head, 'topic'), [
+            (*row, one.topic) for row, one in zip(footprints.rows, result.footprints)])),
+        ('Least time to collision', '', found['least time to collision']),
+        ('Messages', '', Table(
+            ('source', 'topic', 'received', 'lost', 'motion undetermined [s]'),
+            [(source.name, source.topic, str(source.received), str(source.lost),
+              f'{source.undetermined / 1e9:.3f}') for source in result.sources])),
+        ('Rejections', '', Table(('source', 'messages', 'reason', 'the first one'), [
+            (source.name, str(count), reason, source.examples.get(reason, ''))
+            for source in result.sources for reason, count in source.rejected.items()]))]
+    return [{'title': title, 'note': note, **table._asdict()} for title, note, table in tables]

@@ -20,20 +20,13 @@ import time
 from typing import Any, NamedTuple, TextIO
 
 from sat_collision.replay.model.result import (
-    BETWEEN_SAMPLES, Contact, deepest_contacts, FootprintResult, joined, overall, PlanContact,
-    Result, Unknown, Verdict)
+    BETWEEN_SAMPLES, Contact, deepest_contacts, FootprintResult, joined, overall, Result, Unknown,
+    Verdict)
 
 _MAX_ROWS = 20
 _MAX_WORST = 5
 _MOMENT = 500_000
-FOOTPRINTS = ('footprint', 'known', 'clear [s]', 'collision [s]', 'unknown [s]',
-              'undetermined [s]', 'least separation')
-CONTACTS = ('footprint', 'obstacle', 'first [s]', 'duration [s]', 'depth [m]', 'x [m]', 'y [m]',
-            'found')
-UNKNOWN = 'footprint', 'first [s]', 'duration [s]', 'reason'
-PLANS = 'footprint', 'plans', 'unknown', 'why'
-PLAN_CONTACTS = 'footprint', 'obstacle', 'at [s]', 'pose', 'after [m]'
-SOONEST = 'footprint', 'obstacle', 'at [s]', 'time to collision [s]'
+INTERVAL = 'footprint', 'first [s]', 'duration [s]', 'reason'
 # Green, red, yellow and magenta.
 _COLOURS = {Verdict.CLEAR: 32, Verdict.COLLISION: 31, Verdict.UNKNOWN: 33, Verdict.BAD_INPUT: 35}
 # Widths of the progress bar: a longer line would wrap and could not be removed.
@@ -114,17 +107,12 @@ def report(result: Result) -> list[str]:
               for source in result.sources if source.lost]
     lines += [f'  {footprint.name}: {how_soon(footprint, result)}'
               for footprint in result.too_soon]
-    lines += _table(FOOTPRINTS, [footprint_row(footprint, result)
-                                 for footprint in result.footprints], 'footprints')
-    lines += _table(SOONEST, soonest_rows(result), 'least time to collision')
-    lines += _table(PLANS, plan_rows(result), 'plans checked')
-    lines += _table(PLAN_CONTACTS, [plan_contact_row(one, result) for one in result.plan_contacts],
-                    'plans in contact')
-    lines += _table(CONTACTS, [contact_row(contact, result) for contact in result.contacts],
-                    'contacts')
-    for what, intervals in result.undecided.items():
-        lines += _table(UNKNOWN, [unknown_row(one, '; '.join(one.reasons), result)
-                                  for one in intervals if one.last - one.first >= _MOMENT], what)
+    for title, table in tables_of(result, result.contacts).items():
+        lines += _in_lines(title, table)
+    for state, intervals in result.undecided.items():
+        lines += _in_lines(state, Table(INTERVAL, [
+            (one.footprint, *first_and_duration(one, result), '; '.join(one.reasons))
+            for one in intervals if one.last - one.first >= _MOMENT]))
     return lines
 
 
@@ -136,51 +124,54 @@ def how_soon(footprint: FootprintResult, result: Result) -> str:
         f'{result.since(least.time):.3f} s, --min-ttc is {result.options.min_ttc:g} s')
 
 
-def footprint_row(footprint: FootprintResult, result: Result) -> tuple[str, ...]:
-    """Return a footprint as a row of FOOTPRINTS."""
-    least = footprint.least
-    return (
-        footprint.name + ('' if footprint.enabled else ' (disabled)'),
-        '' if footprint.coverage is None else f'{100 * footprint.coverage:.2f} %',
-        *(f'{time / 1e9:.3f}'
-          for time in (footprint.clear, footprint.collision, footprint.unknown,
-                       footprint.undetermined)),
-        'none known' if least is None else
-        f'{least.separation:.4g} m from {least.obstacle} at {result.since(least.time):.3f} s')
+class Table(NamedTuple):
+    """The head and the rows of a table."""
+
+    head: tuple[str, ...]
+    rows: Sequence[tuple[str, ...]]
 
 
-def contact_row(contact: Contact, result: Result) -> tuple[str, ...]:
-    """Return a contact as a row of CONTACTS."""
-    return (contact.footprint, contact.obstacle, f'{result.since(contact.first):.3f}',
-            lasting(contact.last - contact.first) + ('+' if contact.at_end else ''),
-            f'{contact.depth:.4g}', f'{contact.x:.3f}', f'{contact.y:.3f}',
-            how_found(contact, result))
+def tables_of(result: Result, contacts: Sequence[Contact]) -> dict[str, Table]:
+    """Return what was found, with some of the contacts, as tables by title."""
+    footprints = result.footprints
+    return {
+        'footprints': Table(
+            ('footprint', 'known', 'clear [s]', 'collision [s]', 'unknown [s]',
+             'undetermined [s]', 'least separation'),
+            [(one.name + ('' if one.enabled else ' (disabled)'),
+              '' if one.coverage is None else f'{100 * one.coverage:.2f} %',
+              *(f'{time / 1e9:.3f}'
+                for time in (one.clear, one.collision, one.unknown, one.undetermined)),
+              'none known' if (least := one.least) is None else
+              f'{least.separation:.4g} m from {least.obstacle} at {result.since(least.time):.3f} s'
+              ) for one in footprints]),
+        'least time to collision': Table(
+            ('footprint', 'obstacle', 'at [s]', 'time to collision [s]'),
+            [(one.name, soonest.obstacle, f'{result.since(soonest.time):.3f}',
+              f'{soonest.time_to_collision:.3f}')
+             for one in footprints if (soonest := one.soonest)]),
+        'plans checked': Table(
+            ('footprint', 'plans', 'unknown', 'why'),
+            [(one.name, str(one.plans), str(sum(one.plans_unknown.values())),
+              ', '.join(f'{reason} ({count})' for reason, count in one.plans_unknown.items()))
+             for one in footprints if one.plans is not None]),
+        'plans in contact': Table(
+            ('footprint', 'obstacle', 'at [s]', 'pose', 'after [m]'),
+            [(one.footprint, one.obstacle, f'{result.since(one.time):.3f}', f'{one.pose:.2f}',
+              f'{one.metres:.3f}') for one in result.plan_contacts]),
+        'contacts': Table(
+            ('footprint', 'obstacle', 'first [s]', 'duration [s]', 'depth [m]', 'x [m]', 'y [m]',
+             'found'),
+            [(one.footprint, one.obstacle, *first_and_duration(one, result, one.at_end),
+              f'{one.depth:.4g}', f'{one.x:.3f}', f'{one.y:.3f}', how_found(one, result))
+             for one in contacts])}
 
 
-def unknown_row(unknown: Unknown, reason: str, result: Result) -> tuple[str, ...]:
-    """Return an unknown time as a row of UNKNOWN."""
-    return (unknown.footprint, f'{result.since(unknown.first):.3f}',
-            lasting(unknown.last - unknown.first), reason)
-
-
-def soonest_rows(result: Result) -> list[tuple[str, ...]]:
-    """Return a row of SOONEST for each footprint with a predicted collision."""
-    return [(footprint.name, least.obstacle, f'{result.since(least.time):.3f}',
-             f'{least.time_to_collision:.3f}')
-            for footprint in result.footprints if (least := footprint.soonest)]
-
-
-def plan_rows(result: Result) -> list[tuple[str, ...]]:
-    """Return a row of PLANS for each footprint with a path."""
-    return [(one.name, str(one.plans), str(sum(one.plans_unknown.values())),
-             ', '.join(f'{reason} ({count})' for reason, count in one.plans_unknown.items()))
-            for one in result.footprints if one.plans is not None]
-
-
-def plan_contact_row(contact: PlanContact, result: Result) -> tuple[str, ...]:
-    """Return a plan in contact as a row of PLAN_CONTACTS."""
-    return (contact.footprint, contact.obstacle, f'{result.since(contact.time):.3f}',
-            f'{contact.pose:.2f}', f'{contact.metres:.3f}')
+def first_and_duration(one: Contact | Unknown, result: Result, goes_on: bool = False
+                       ) -> tuple[str, str]:
+    """Return when an interval begins, and how long it is."""
+    return (f'{result.since(one.first):.3f}',
+            lasting(one.last - one.first) + ('+' if goes_on else ''))
 
 
 def plan_failures(footprint: FootprintResult, result: Result) -> list[str]:
@@ -227,10 +218,10 @@ def report_all(results: list[Result]) -> list[str]:
     return [
         f'{figures["bags"]} recordings, {figures["duration"] / 3600:.4g} h: {counts}',
         f'  {figures["contacts"]} contacts{an_hour}',
-        *_table(('recording', 'footprint', 'obstacle', 'separation [m]'),
-                [(worst['bag'], worst['footprint'], worst['obstacle'],
-                  f'{worst["separation"]:.4g}') for worst in figures['worst']],
-                'worst separations'),
+        *_in_lines('worst separations', Table(
+            ('recording', 'footprint', 'obstacle', 'separation [m]'),
+            [(worst['bag'], worst['footprint'], worst['obstacle'],
+              f'{worst["separation"]:.4g}') for worst in figures['worst']])),
         f'  {overall(results).words.upper()}']
 
 
@@ -251,11 +242,12 @@ def summary(results: list[Result]) -> dict[str, Any]:
                   for separation, bag, footprint, obstacle in sorted(leasts)[:_MAX_WORST]]}
 
 
-def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]], title: str) -> list[str]:
+def _in_lines(title: str, table: Table) -> list[str]:
     """Return the lines of a table, of the first _MAX_ROWS rows only."""
+    rows = table.rows
     if not rows:
         return []
-    shown = [head, *rows[:_MAX_ROWS]]
+    shown = [table.head, *rows[:_MAX_ROWS]]
     widths = [max(map(len, column)) for column in zip(*shown)]
     aligned = ['>' if all(map(_is_number, column[1:])) else '<' for column in zip(*shown)]
     lines = [f'  {title}'] + ['    ' + '  '.join(

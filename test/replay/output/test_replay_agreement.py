@@ -169,9 +169,9 @@ def failures_of(bag):
         late = without(unknown, [(bag['start'], known_from), *contact])
         if late > SECOND * bag['max_unknown'] or not one['ever_known']:
             found.append((one['name'], 'unknown', one['unknown']))
-        limited = total((max(first, known_from), min(last, one['last'] or 0))
-                        for first, last in undetermined
-                        if max(first, known_from) < min(last, one['last'] or 0))
+        end = one['last'] or 0
+        limited = without([(max(first, known_from), min(last, end)) for first, last in undetermined
+                           if max(first, known_from) < min(last, end)], contact)
         if limited > SECOND * bag['max_undetermined']:
             found.append((one['name'], 'undetermined', limited))
         if 'plans' in one and bag['fail_on'] and (one['plans_unknown'] or not one['plans']):

@@ -13,7 +13,7 @@ from dataclasses import replace
 import math
 
 from bodies import where
-from builders import box, SECOND
+from builders import box, SECOND, serialised
 from monitors import START, World
 import numpy as np
 import pytest
@@ -198,6 +198,24 @@ def test_imminent_ends_when_the_footprint_brakes_or_its_velocity_is_unknown():
     world.monitor.update(replace(world.settings, footprints=(
         replace(world.settings.footprints[0], min_time_to_collision=0.0),)))
     assert world.status() == 'clear'
+
+
+def test_unknown_becomes_clear_only_once_it_is_predicted():
+    """No flag falls for the moment until then."""
+    world = Predicted([AHEAD], min_time_to_collision=1.0)
+    for bodies in ((1.5, 1.6), (9.0, 9.1)):
+        world.use(enabled=False)
+        world.use(enabled=True)
+        world.scene.look_ahead()
+        world.scene.take_changes()
+        for time in bodies:
+            world.time = time
+            world.monitor.receive('robot', serialised(
+                [(x + time, y) for x, y in ROBOT], world.now, 'odom'), world.now)
+        assert world.status() == 'unknown' and world.scene.take_changes() == ([], [])
+        world.scene.look_ahead()
+        assert world.status() == ('imminent' if bodies[0] == 1.5 else 'clear')
+        assert world.scene.take_changes() == (['robot'], [])
 
 
 def test_unknown_takes_precedence_over_imminent():

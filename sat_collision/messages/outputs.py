@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator
 from itertools import islice
 import math
 import sys
@@ -22,7 +22,7 @@ from sat_collision.geometry.pair.contact import contact
 from sat_collision.messages.interfaces import (
     Bool, DiagnosticArray, Float64, MarkerArray, octets, PointCloud2, PointField, serialize)
 from sat_collision.messages.markers import Markers, MAX_CONTACTS
-from sat_collision.messages.states import States
+from sat_collision.messages.states import coordinate_step, States
 from sat_collision.scene.footprints import State, Status
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import Settings
@@ -130,7 +130,7 @@ class Outputs:
         self._watched = ({footprint.name for footprint in settings.footprints if footprint.enabled}
                          or set(self._flags))
         self.update(self._flags)
-        self._find_subscribers()
+        self.find_subscribers()
 
     def update(self, names: Iterable[str]) -> None:
         for name in names:
@@ -149,16 +149,20 @@ class Outputs:
 
     def publish(self, names: Iterable[str] | None = None) -> None:
         """Publish the common flag, outputs of some footprints or (None) of all, and all states."""
-        self._common_flag.publish(_FLAGS[not self._raised.isdisjoint(self._watched)])
         changed = [*(self._flags if names is None else names)]
-        for name in changed:
-            self._flags[name].publish(_FLAGS[name in self._raised])
+        self.publish_flags(changed)
         if names is None:
-            self._find_subscribers()
-        if self._with_states or self._measured or self._timed or self._clouded:
-            self._publish_figures(changed)
+            self.find_subscribers()
+        for _ in self.publish_figures(changed):
+            pass
 
-    def _find_subscribers(self) -> None:
+    def publish_flags(self, names: Iterable[str] | None = None) -> None:
+        """Publish the common flag, and those of some footprints or (None) of all."""
+        self._common_flag.publish(_FLAGS[not self._raised.isdisjoint(self._watched)])
+        for name in self._flags if names is None else names:
+            self._flags[name].publish(_FLAGS[name in self._raised])
+
+    def find_subscribers(self) -> None:
         """Find out which topics have subscribers: asking takes as long as publishing a flag."""
         self._measured, self._timed, self._clouded = (
             {name for name, publisher in publishers.items() if publisher.get_subscription_count()}
@@ -167,34 +171,41 @@ class Outputs:
         self._scene.tracks_motion = self._states.settings.horizon > 0.0 and bool(
             self._with_states or self._timed or self._marker_publisher.get_subscription_count())
 
-    def _publish_figures(self, names: Sequence[str]) -> None:
-        """Publish what has subscribers, except flags: figures of some footprints, all states."""
-        measured = [name for name in names if name in self._measured]
-        timed = [name for name in names if name in self._timed]
-        clouded = [name for name in names if self.measures and name in self._clouded]
-        known = {name for name in self._flags
-                 if self.measures and self._scene.status(name) is not Status.UNKNOWN}
-        nearest = {name: self._scene.nearest(name) if name in known else None
-                   for name in (self._flags if self._with_states else measured)}
-        predictions = {name: self._scene.prediction(name) if name in known else None
-                       for name in (self._flags if self._with_states else timed)}
-        for name in measured:
-            found = nearest[name]
-            self._separations[name].publish(
-                _number(found[1] if found else math.inf) if name in known else _UNKNOWN)
-        for name in timed:
-            prediction = predictions[name]
-            self._times[name].publish(_number(prediction.seconds) if prediction and
-                                      prediction.is_known else _UNKNOWN)
-        if self._with_states or clouded:
-            stamp = self._clock.now().to_msg()
+    def publish_figures(self, names: Collection[str]) -> Iterator[None]:
+        """
+        Publish what has subscribers, except flags: figures of some footprints, and all states.
+
+        It goes on from footprint to footprint, and yields after each. The figures of one are all
+        of one time; one that changes after its turn is to be published again.
+        """
+        scene = self._scene
+        if not (self._with_states or self._measured or self._timed or self._clouded):
+            return
+        stamp = self._clock.now().to_msg()
+        for name in self._flags if self._with_states else names:
+            is_named = name in names
+            is_known = self.measures and scene.status(name) is not Status.UNKNOWN
+            is_measured = is_named and name in self._measured
+            is_timed = is_named and name in self._timed
+            nearest = (scene.nearest(name)
+                       if is_known and (self._with_states or is_measured) else None)
+            prediction = (scene.prediction(name)
+                          if is_known and (self._with_states or is_timed) else None)
+            if is_measured:
+                self._separations[name].publish(
+                    _number(nearest[1] if nearest else math.inf) if is_known else _UNKNOWN)
+            if is_timed:
+                self._times[name].publish(_number(prediction.seconds) if prediction and
+                                          prediction.is_known else _UNKNOWN)
+            if self._with_states:
+                self._states.write(
+                    name, scene.state(name), coordinate_step(scene.polygon(name)), prediction)
+                self._states.write_moving(name, scene, nearest, prediction)
+            if is_named and self.measures and name in self._clouded:
+                self._clouds[name].publish(contact_cloud(scene, name, stamp))
+            yield
         if self._with_states:
-            self._states.update(self._scene, predictions)
-            for name, found in nearest.items():
-                self._states.write_moving(name, self._scene, found, predictions[name])
             self._state_publisher.publish(self._states.message(stamp))
-        for name in clouded:
-            self._clouds[name].publish(contact_cloud(self._scene, name, stamp))
 
     def statuses(self) -> list[Any]:
         """Return a status of each footprint, without the values that change all the time."""

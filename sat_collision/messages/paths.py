@@ -11,6 +11,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 import math
 
@@ -61,10 +62,11 @@ class Paths:
         for name, latest in self._latest.items():
             self._latest[name] = _Latest(latest.topic)
 
-    def check(self, now: int) -> list[Rejection]:
-        """Check all paths; the scene keeps the answers."""
+    def check(self, now: int,
+              footprints: Iterable[FootprintSettings] | None = None) -> list[Rejection]:
+        """Check the paths of some footprints, by default of all; the scene keeps the answers."""
         rejections: list[Rejection] = []
-        for footprint in self._scene.settings.footprints:
+        for footprint in self._scene.settings.footprints if footprints is None else footprints:
             if settings := footprint.path_settings:
                 rejections += self.read(settings, now)
                 self._scene.path_checks[footprint.name] = self.check_one(footprint, settings, now)

@@ -11,7 +11,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -71,11 +70,10 @@ class States:
             values=[KeyValue(key=key) for key in keys]) for one in settings.footprints}
         self._message = DiagnosticArray(status=list(self._statuses.values()))
 
-    def update(self, scene: Scene, predictions: Mapping[str, Prediction | None] = {}) -> None:
-        polygons = dict(scene.footprints)
+    def update(self, scene: Scene) -> None:
+        """Write the states of all footprints."""
         for name in self._statuses:
-            self.write(name, scene.state(name), coordinate_step(polygons.get(name)),
-                       predictions.get(name))
+            self.write(name, scene.state(name), coordinate_step(scene.polygon(name)))
 
     def write(self, name: str, state: State, step: float,
               prediction: Prediction | None = None) -> None:

@@ -66,6 +66,8 @@ _LOG_PERIOD = 1.0
 _STARTED = 1.8
 # On what, and in which type, `sat_collision.demo.publish` publishes.
 _TRIED = [('/footprint', POLYGON), ('/obstacles', POLYGON)]
+# Max time in s for which predictions, paths and figures hold up messages, beyond one footprint's.
+_LONGEST_PART = 1e-3
 # Min ticks in the time after which the watchdog reports a stall.
 _TICKS_IN_TIME = 3.0
 _SHORTEST_TICK = 0.02
@@ -116,7 +118,14 @@ class FootprintMonitor(Node):
                                   if transforms else [])
         self._reports_unknown_at = time.monotonic() + _STARTED
         self._advised: set[str] = set()
+        self._now = 0
         self._ticked = self._draws_at = 0.0
+        # What messages come before: what is left of it, and what is to be done after that.
+        self._parts: Iterator[None] = iter(())
+        self._looks_ahead = self._checks_paths = False
+        self._figures_due: set[str] = set()
+        # The footprints that a message has come for since they were last looked ahead.
+        self._looks_first: set[str] = set()
         self._looking = Every(_TICK)
         self._reporting = Every(_HEALTH_PERIOD)
         self._systemd = Systemd()
@@ -149,7 +158,8 @@ class FootprintMonitor(Node):
         self._watch_jumps(settings.future_tolerance)
         self._log(self._monitor.update(settings))
         self._outputs.configure(settings)
-        self._outputs.publish()
+        self._looks_ahead = True
+        self._publish_all()
 
     def _watch_jumps(self, tolerance: float) -> None:
         """Notice where the simulated clock steps by more than a tolerance in s, or begins."""
@@ -189,6 +199,9 @@ class FootprintMonitor(Node):
             for k, data in enumerate(messages):
                 self._log(self._monitor.receive_transforms(name, data, now, number and number + k))
             return
+        # Commands have the name of their footprint before a dot.
+        if (footprint := name.partition('.')[0]) in self._scene.looking_ahead:
+            self._looks_first.add(footprint)
         if name in self._commands.without_stamps:
             messages = [stamped(data) for data in messages]
         if rejections := self._monitor.receive_batch(name, messages, now, number):
@@ -220,6 +233,7 @@ class FootprintMonitor(Node):
 
     def end_batch(self, messages: int, seconds: float) -> None:
         self._publish_changes()
+        self._looks_ahead = True
         self._outputs.markers_current = False
         self._health.count_batch(messages, seconds)
 
@@ -242,11 +256,10 @@ class FootprintMonitor(Node):
             self._look_around(now, steady)
         self._log(self._monitor.advance(now))
         self._publish_changes()
+        self._looks_ahead = True
         if self._publishing.due(steady) or goes_on:
-            self._outputs.publish()
-            if self._outputs.measures:
-                self._log(self._monitor.paths.check(now))
-                self._outputs.publish_paths()
+            self._publish_all()
+            self._checks_paths = self._outputs.measures
         if self._marking.due(steady):
             self._publish_markers()
         if self._reporting.due(steady):
@@ -341,15 +354,58 @@ class FootprintMonitor(Node):
                 self._logged[key] = now
                 self.get_logger().warning(rejection.text)
 
+    def go_on(self, now: int) -> bool:
+        """Look ahead, check paths and publish figures, for a short time; return if more is due."""
+        self._now = now
+        until = time.monotonic() + _LONGEST_PART
+        while True:
+            if self._looks_first:
+                self._look_ahead(self._looks_first.pop())
+            elif next(self._parts, self) is self:
+                if not (self._looks_ahead or self._checks_paths or self._figures_due):
+                    return False
+                self._parts = self._next_parts()
+            if time.monotonic() >= until:
+                return True
+
+    def _next_parts(self) -> Iterator[None]:
+        """Look ahead, check paths and publish figures, each as far as due, by footprints."""
+        if self._looks_ahead:
+            self._looks_ahead = False
+            for name in self._scene.looking_ahead:
+                self._look_ahead(name)
+                yield
+        if self._checks_paths:
+            self._checks_paths = False
+            for footprint in self._scene.settings.footprints:
+                if footprint.path:
+                    self._log(self._monitor.paths.check(self._now, [footprint]))
+                    yield
+            self._outputs.publish_paths()
+        due, self._figures_due = self._figures_due, set()
+        yield from self._outputs.publish_figures(due)
+
+    def _look_ahead(self, name: str) -> None:
+        if name in self._scene.looking_ahead:  # parameters may have changed
+            self._scene.look_ahead([name])
+            self._publish_changes()
+
+    def _publish_all(self) -> None:
+        """Publish all flags at once, and all figures after what messages are there."""
+        self._outputs.publish_flags()
+        self._outputs.find_subscribers()
+        self._figures_due.update(one.name for one in self._scene.settings.footprints)
+
     def _publish_changes(self) -> None:
-        self._scene.look_ahead()
+        """Publish the flags that have changed at once, and figures after further messages."""
         changed, brief = self._scene.take_changes()
         if changed:
             self._outputs.update(changed)
         if brief:
             self._outputs.publish_rise(brief)
         if brief or changed:
-            self._outputs.publish({*brief, *changed})
+            self._outputs.publish_flags({*brief, *changed})
+            self._figures_due.update(brief, changed)
 
 
 def run(args: Sequence[str]) -> int:

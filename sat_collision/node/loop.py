@@ -108,6 +108,9 @@ class Receiver(Protocol):
     def tick(self, now: int) -> None:
         """Do what is due by time alone; `now` was read before the messages of this turn."""
 
+    def go_on(self, now: int) -> bool:
+        """Do a part of what messages come before; return whether there is more of that."""
+
     def present(self, steady: float) -> int:
         """
         Return the present time in ns by the clock of the header stamps.
@@ -172,6 +175,8 @@ class Loop:
     larger batches; a footprint's message ends the rest. Services and middleware events are
     checked once per tick, and after a wait that ends without a message, because each entity in
     the wait set costs time at every wake-up. Service calls are handled by an executor of rclpy.
+    Each turn ends with a part of what messages come before, and while there is more of that, the
+    next one begins at once.
 
     Inputs are taken in the order given; their callback group must be a `LoopOwnedGroup` one.
     `max_batch_delay` returns the max rest in s.
@@ -193,8 +198,9 @@ class Loop:
         # Pointers of the subscriptions to check when a message ended a rest, and when none did.
         self._at_once: set[int] = set()
         self._gathered: set[int] = set()
-        # Whether the last turn left messages for lack of time.
+        # Whether the last turn left messages for lack of time, and other things to do.
         self._is_behind = False
+        self._has_more = False
         self._looks_at_others = True
         self._next_tick = 0.0
         self._taken = 0
@@ -260,9 +266,10 @@ class Loop:
             self._receiver.tick(present)
             self._choose_rest(time.monotonic())
             self._looks_at_others = True
-        if taken or late >= 0.0:
+        had_more, self._has_more = self._has_more, self._receiver.go_on(present)
+        if taken or late >= 0.0 or had_more:
             self._next_tick = self._receiver.due(present, begun)
-        if (self._rest and taken and not self._is_behind
+        if (self._rest and taken and not self._is_behind and not self._has_more
                 and (late >= 0.0 or ready is not self._at_once)):
             self._rests_until = time.monotonic() + self._rest
 
@@ -297,11 +304,12 @@ class Loop:
         self._rests_until = 0.0
         if look_at_all and not self._looks_at_others:
             return None, False
-        ready = wait_set.wait(0.0 if look_at_all else until_tick, self._looks_at_others)
+        at_once = look_at_all or self._has_more
+        ready = wait_set.wait(0.0 if at_once else until_tick, self._looks_at_others)
         waited = time.monotonic() - begun
         # An event ends every wait until it is handled.
-        self._looks_at_others = not (ready or look_at_all or waited >= until_tick)
-        return ready, not look_at_all and waited > _LONG_WAIT
+        self._looks_at_others = not (ready or at_once or waited >= until_tick)
+        return ready, not at_once and waited > _LONG_WAIT
 
     def _choose_rest(self, now: float) -> None:
         """Choose whether to rest between turns, by the rate of messages since the last choice."""

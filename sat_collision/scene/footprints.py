@@ -68,7 +68,9 @@ class Footprint(Body[Obstacle]):
         self.motion = MotionTracker()  # empty unless it is tracked
         self.command: Command | None = None  # the last one
         self.command_fault = ''  # why none can come, as a sentence; empty if one can
-        self.is_imminent = False  # whether a contact is due within its min_time_to_collision
+        # Whether a contact is due within its min_time_to_collision; None if it was unknown when
+        # that was last to be predicted, so that it is clear only once it is predicted.
+        self.is_imminent: bool | None = False
         self.status = Status.UNKNOWN  # as reported: CLEAR only after the release delay
         self.unknown_reasons: tuple[str, ...] = ()  # why its contacts may be unknown
         # Names of contacts that changed since the reader emptied this.
@@ -141,8 +143,12 @@ class Footprint(Body[Obstacle]):
         self._stream_faults = faults
         return True
 
-    def evaluate(self, now: int, release_delay: int) -> None:
-        """Update the status to report: CLEAR after the release delay, anything else at once."""
+    def evaluate(self, now: int, release_delay: int) -> bool:
+        """
+        Update the status to report: CLEAR after the release delay, anything else at once.
+
+        Return False if it stays as it was until it is known whether a contact is imminent.
+        """
         monitor_fault, source_faults = self.other_faults
         if self.stream.mixed_until < now:
             self.find_stream_faults(now)
@@ -182,8 +188,11 @@ class Footprint(Body[Obstacle]):
                 if self.status is not Status.CLEAR:
                     status = self.status
                     reasons = f'clear for less than release_delay, {release_delay / 1e9:g} s',
+            elif self.is_imminent is None:
+                return False
         self.status = status
         self.evaluation = status, reasons
+        return True
 
     def _faults_in_words(self) -> tuple[str, ...]:
         faults = self._stream_faults

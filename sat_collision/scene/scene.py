@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import chain
 import math
 from typing import Any, NamedTuple
@@ -114,8 +114,9 @@ class Scene(SceneView):
         self.settings = settings
         self._release_delay = round(settings.release_delay * 1e9)
         self._future_tolerance = round(settings.future_tolerance * 1e9)
-        self._looks_ahead = {one.name: one.min_time_to_collision for one in settings.footprints
-                             if one.min_time_to_collision}
+        # The time in s within which a contact of a footprint is imminent, by its name.
+        self.looking_ahead = {one.name: one.min_time_to_collision for one in settings.footprints
+                              if one.min_time_to_collision}
 
     def update(self, settings: Settings) -> None:
         """
@@ -133,7 +134,8 @@ class Scene(SceneView):
                 self._invalidate(footprint, _NOT_RECEIVED)
             monitored = footprint.settings.obstacles
             footprint.configure(new)
-            footprint.is_imminent &= new.min_time_to_collision > 0.0
+            if not new.min_time_to_collision:
+                footprint.is_imminent = False
             if new.obstacles != monitored:
                 self._contacts.decide(footprint)
         self._contacts.use_margin(settings.margin)
@@ -188,7 +190,7 @@ class Scene(SceneView):
 
     def is_tracked(self, name: str) -> bool:
         """Return whether anything needs the motion of a footprint."""
-        return self.tracks_motion or name in self._looks_ahead
+        return self.tracks_motion or name in self.looking_ahead
 
     def track(self, name: str, vertices: Vertices, given: Velocity | None = None) -> None:
         """Track a footprint just received: its vertices in the order sent, velocity if given."""
@@ -212,10 +214,22 @@ class Scene(SceneView):
             self._contacts.changed.add(footprint)
             self._evaluate()
 
-    def look_ahead(self) -> None:
-        """Predict which footprints are in contact within their min_time_to_collision."""
-        for name, threshold in self._looks_ahead.items():
-            footprint = self._footprints[name]
+    def look_ahead(self, names: Iterable[str] | None = None) -> None:
+        """
+        Predict which of some footprints are in contact within their min_time_to_collision.
+
+        They are among `looking_ahead`, by default all of these. One that was unknown when it was
+        last predicted stays so until it is predicted again.
+        """
+        for name in self.looking_ahead if names is None else names:
+            footprint, threshold = self._footprints[name], self.looking_ahead[name]
+            if footprint.is_imminent is None:
+                footprint.is_imminent = False
+                self._contacts.changed.add(footprint)
+                self._evaluate()
+            if footprint.status is Status.UNKNOWN:
+                footprint.is_imminent = None
+                continue
             found = predict(footprint, self._contacts, self._sources.values(), self._now,
                             threshold + _AHEAD)
             seconds = found.seconds if found else math.inf
@@ -535,9 +549,9 @@ class Scene(SceneView):
         """Evaluate the footprints for which something has changed."""
         changed = self._contacts.changed
         for footprint in changed:
-            footprint.evaluate(self._now, self._release_delay)
+            if footprint.evaluate(self._now, self._release_delay):
+                self._evaluated.add(footprint)
             self.deadline = min(self.deadline, footprint.deadline)
             if footprint.status is Status.COLLISION:
                 self._collided.add(footprint)
-        self._evaluated |= changed
         changed.clear()

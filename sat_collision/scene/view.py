@@ -45,6 +45,10 @@ class SceneView:
         return [(name, polygon) for name, footprint in self._footprints.items()
                 if (polygon := footprint.polygon) is not None]
 
+    def polygon(self, name: str) -> Polygon | None:
+        """Return a footprint's body, None if it is not placed."""
+        return self._footprints[name].polygon
+
     @property
     def obstacles(self) -> list[tuple[ObstacleId, Polygon]]:
         """The (ObstacleId, Polygon) of every obstacle that is placed."""

@@ -42,6 +42,7 @@ class Recorder:
         self.batches = []
         self.backlogs = []
         self.ticks = 0
+        self.parts = 0
 
     def receive(self, name, messages, now, number):
         for _ in messages:
@@ -56,6 +57,11 @@ class Recorder:
 
     def note_backlog(self, name, backlog):
         self.backlogs.append((name, backlog))
+
+    def go_on(self, now):
+        self.parts and self.names.append('part')
+        self.parts = max(self.parts - 1, 0)
+        return self.parts > 0
 
     def tick(self, now):
         self.ticks += 1
@@ -144,6 +150,26 @@ def test_footprint_is_published_between_batches(looped):
     before = receiver.names[:receiver.names.index('other')]
     assert before.count('flood') == 4
     assert 1 in receiver.batches  # the first one, unless a busy machine ends the turn
+
+
+@pytest.mark.parametrize('topic', ['flood', 'other'])
+def test_messages_come_before_the_next_part_of_what_can_wait(looped, topic):
+    """Where there is more to do the loop does not wait, and takes what has come meanwhile."""
+    peer, looped = looped
+    receiver = Recorder()
+    go_on = receiver.go_on
+
+    def go_on_and_meet_another(now):
+        if receiver.parts == 20:
+            arrive(peer, **{topic: 1})
+        return go_on(now)
+    receiver.go_on = go_on_and_meet_another
+    receiver.parts = 30
+    with looped(receiver) as one:
+        one.run(lambda: not receiver.parts)
+    assert receiver.names.count('tick') < 15
+    names = [name for name in receiver.names if name != 'tick']
+    assert names == ['part'] * 11 + [topic] + ['part'] * 19
 
 
 def test_event_is_handled_at_once(looped):

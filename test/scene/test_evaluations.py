@@ -21,7 +21,7 @@ def evaluated(monkeypatch):
 
     def evaluate(self, *arguments, original=Footprint.evaluate):
         names.append(self.settings.name)
-        original(self, *arguments)
+        return original(self, *arguments)
     monkeypatch.setattr(Footprint, 'evaluate', evaluate)
     return names
 

@@ -218,34 +218,6 @@ def positions(monitor):
                   if name.source == 'lidar')
 
 
-def test_set_is_as_old_as_its_oldest_message():
-    """Whatever the stamps of its messages, which may also go back."""
-    monitor = clear_monitor(ONE_SOURCE)
-    first = NOW + SECOND
-    millisecond = SECOND // 1000
-    for stamp, x in ((0, 10), (19, 20), (40, 11), (25, 21)):
-        stamp = first + stamp * millisecond
-        monitor.receive('lidar', serialised(box(x), stamp), first + 40 * millisecond)
-    last = first + 40 * millisecond
-    assert monitor.receive('lidar', serialised([], last), last) is None
-    rest = [(1, 20), (2, 11), (3, 21)]
-    for late, expected, held in ((0, 'clear', [(0, 10), *rest]), (1, 'unknown', rest)):
-        now = first + 2 * SECOND + late
-        monitor.receive('robot', serialised(box(0), now), now)
-        assert (status(monitor), positions(monitor)) == (expected, held)
-
-
-@pytest.mark.parametrize('number, known', [(1, 'clear'), (5, 'unknown')])
-def test_first_set_is_whole_if_it_begins_with_number_1(number, known):
-    """Otherwise earlier messages may belong to it."""
-    monitor = Monitor(ONE_SOURCE)
-    monitor.receive('robot', serialised(box(0)), NOW)
-    for k, stamp, expected in ((0, NOW, known), (2, NOW + SECOND // 10, 'clear')):
-        monitor.receive_batch('lidar', [serialised(box(10), stamp), serialised([], stamp)], stamp,
-                              number + k)
-        assert status(monitor) == expected
-
-
 def test_messages_without_numbers():
     """Losses cannot be noticed, and messages are assumed to be consecutive."""
     monitor = clear_monitor()
@@ -253,14 +225,3 @@ def test_messages_without_numbers():
     monitor.receive('lidar', serialised([], NOW + 1), NOW + 1)
     assert positions(monitor) == [(0, 10)]
     assert monitor.lost == {}
-
-
-def test_each_message_is_a_set_where_that_is_declared():
-    """Such as the footprint of another robot."""
-    lidar, = ONE_SOURCE.obstacles
-    monitor = Monitor(replace(ONE_SOURCE, obstacles=(replace(lidar, set_end='each_message'),)))
-    for number, (x, known) in enumerate(((10, 'clear'), (0.5, 'collision'), (10, 'clear')), 1):
-        stamp = NOW + number * SECOND // 10
-        monitor.receive('robot', serialised(box(0), stamp), stamp)
-        monitor.receive('lidar', serialised(box(x), stamp), stamp, number)
-        assert status(monitor) == known and len(monitor.scene.obstacles) == 1

@@ -144,7 +144,8 @@ class WaitingItems:
             taken += 1
         if taken:
             rejections += self.take(now)
-        self._note_firsts()
+        elif len(queue.items) == 1:
+            self._note_firsts()
         return rejections
 
     def take(self, now: int) -> list[Rejection]:

@@ -9,8 +9,6 @@
 
 """Maps, which do not age: when one is whole, replaced, placed anew or requested again."""
 
-from dataclasses import replace
-
 import pytest
 from sat_collision.scene.obstacle_store import Followed
 from sat_collision.scene.streams import Endpoint
@@ -65,16 +63,6 @@ def test_map_in_a_frame_that_is_not_known_is_not_known(pass_by_time):
         'unknown', (LIDAR_SAYS + 'is a map in a frame whose transform is too old',))
     stage.scene.limit_frames('lidar', '', stage.stamp(60.0))
     assert status_and_reasons(stage) == ('clear', ())
-
-
-def test_map_of_more_than_half_of_max_count_is_sent_again():
-    stage = with_robot(replace(UNTIMED_LIDAR, max_count=3))
-    for first in (10, 11, 12):
-        for x in (first, 20, 30):
-            assert stage.see(x) is None
-        stage.end()
-        assert status_and_reasons(stage) == ('clear', ())
-    assert stage.held == {0: 12, 1: 20, 2: 30}
 
 
 def test_stamps_of_a_map_may_fall():

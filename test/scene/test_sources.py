@@ -48,22 +48,6 @@ def test_contact_stays_though_each_polygon_has_a_stamp_of_its_own(settings):
     assert ('collision', ()) in seen and {status for status, _ in seen} == {'collision'}
 
 
-@pytest.mark.parametrize('stamps', [(0.0, 0.0, 0.0), (-0.5, 0.1, 0.0), (0.0, 0.2, 0.1),
-                                    ('none', 0.0, 0.1)])
-def test_set_may_have_any_stamps(stamps):
-    """The same as the set before (a clock that steps slowly), partly before it, or none."""
-    stage = with_robot(LIDAR)
-    stage.send(0.5, 10, 20, stamp=0.0)
-    stage.wait_until(0.2)
-    for first, *others in ((0.5, 10, 20), (0.6, 11, 21)):
-        for x, stamp in zip((first, *others), stamps):
-            stage.see(x, stamp)
-            assert stage.status() == 'collision'
-        stage.end(stamp=-1000.0)
-        assert status_and_reasons(stage) == ('collision', ())
-        assert stage.held == {0: first, 1: others[0], 2: others[1]}
-
-
 def test_run_with_the_stamp_of_the_set_before_counts_from_it():
     """The clock of the publisher stands; the mark of the last set is stamped later."""
     monitor = Monitor(Settings((FootprintSettings('robot', '/robot', timeout=0.0),), (LIDAR,)))
@@ -76,20 +60,6 @@ def test_run_with_the_stamp_of_the_set_before_counts_from_it():
     for time, status in ((2.0, Status.CLEAR), (2.001, Status.UNKNOWN)):
         monitor.advance(begin + nanoseconds(time))
         assert monitor.scene.status('robot') is status
-
-
-@pytest.mark.parametrize('instance', [0, 7])
-def test_messages_of_one_id_and_stamp_all_count(instance):
-    """A tracker leaves all ids at 0; a clock steps slowly."""
-    stage = known_stage(INSTANCES)
-    stage.see(0.5, instance=instance)
-    stage.see(10, instance=instance)
-    assert status_and_reasons(stage) == ('collision', ())
-    stage.wait_until(0.1)
-    stage.see(10, instance=instance)
-    assert stage.status() == ('clear' if instance else 'collision')
-    pass_by(stage, 2.1)
-    assert stage.status() == 'clear'
 
 
 def test_source_of_which_nothing_can_be_read_is_not_silent():
@@ -119,25 +89,6 @@ def test_ids_are_places_of_their_own():
         stage.see(x, instance=7)
         assert stage.held == {7: x, -3: 10}
         assert stage.status() == status
-
-
-@REFRESHED
-def test_obstacle_is_released_only_while_its_publisher_lives(settings):
-    """If it falls silent instead, the obstacle stays until the source is unknown."""
-    for is_alive in (True, False):
-        stage = known_stage(settings)
-        stage.see(0.5, instance=1)
-        pass_by(stage, 1.4)
-        stage.wait_until(2.1)
-        assert stage.status() == 'collision', 'no message has come that is too much later'
-        if is_alive:
-            stage.end()
-            assert stage.status() == 'clear'
-        else:
-            stage.wait_until(3.4)
-            assert stage.status() == 'collision'
-            stage.wait_until(3.401)
-            assert stage.status() == 'unknown'
 
 
 # --- marks

@@ -343,7 +343,7 @@ def test_no_time_is_late_among_many_moving_obstacles(seed):
 
 
 @pytest.mark.parametrize('seed', [
-    *range(8), *(pytest.param(seed, marks=pytest.mark.long) for seed in range(8, 25))])
+    *range(4), *(pytest.param(seed, marks=pytest.mark.long) for seed in range(4, 25))])
 def test_no_time_is_late_and_none_is_given_while_unknown(seed):
     """Random motion among random obstacles, at rest or moving, with gaps and changed shapes."""
     rng = np.random.default_rng(seed)
@@ -392,13 +392,12 @@ def test_no_time_is_late_and_none_is_given_while_unknown(seed):
         if not (is_known and world.prediction.is_known):
             continue
         sent = Polygon(points)
-        samples = np.arange(0.0, 3.0 + age, 0.02)
-        touched = [seconds for seconds in samples if any(
-            where(sent, twist, seconds).buffer(-TOLERANCE).intersects(one)
-            for one in places(time + seconds))]
+        inside = sent.buffer(-TOLERANCE)
+        touched = next((seconds for seconds in np.arange(0.0, 3.0 + age, 0.02) if any(map(
+            where(inside, twist, seconds).intersects, places(time + seconds)))), math.inf)
         seconds = world.seconds
-        if touched and touched[0] - age <= 3.0:
-            assert seconds <= max(touched[0] - age, 0.0), 'late'
+        if touched - age <= 3.0:
+            assert seconds <= max(touched - age, 0.0), 'late'
         if seconds < math.inf:
             found += 1
             there = where(sent, twist, world.prediction.duration)

@@ -262,12 +262,12 @@ def test_foreign_bytes_are_refused(kind, data):
 def test_damaged_bytes_are_refused_or_read_as_the_reference_does(kind):
     random = np.random.default_rng(5)
     messages = []
-    for _ in range(3000):
+    for _ in range(1000):
         damaged = bytearray(kind.good())
         for at in random.integers(len(damaged), size=random.integers(1, 4)):
             damaged[at] = random.integers(256)
         messages.append(bytes(damaged))
-    assert 300 < accepted(kind, messages) < 2950
+    assert 100 < accepted(kind, messages) < 983
 
 
 @EVERY_KIND

@@ -28,9 +28,7 @@ def serialised(points, stamp=1000 * SECOND, frame_id='map', instance=None, order
     Points are (x, y) or (x, y, z), the stamp is in ns, and '>' is the order of a big-endian
     publisher.
     """
-    text = frame_id.encode() + b'\0'
-    body = struct.pack(order + 'iII', *divmod(stamp, SECOND), len(text)) + text
-    body += bytes(-len(body) % 4) + struct.pack(order + 'I', len(points))
+    body = _with_count(_header(stamp, frame_id, order), points, order)
     body += b''.join(struct.pack(order + 'fff', x, y, *(z or (0.0,))) for x, y, *z in points)
     if instance is not None:
         body += bytes(-len(body) % 8) + struct.pack(order + 'q', instance)
@@ -39,7 +37,7 @@ def serialised(points, stamp=1000 * SECOND, frame_id='map', instance=None, order
 
 def collection(polygons, stamp=1000 * SECOND, frame_id='map', order='<', colors=0):
     """Write a Polygon2DCollection of polygons, each a list of (x, y), and of so many colours."""
-    body = _polygons_2d_head(stamp, frame_id, order) + struct.pack(order + 'I', len(polygons))
+    body = _with_count(_header(stamp, frame_id, order), polygons, order)
     for points in polygons:
         body = _with_points_2d(body, points, order)
     return _ENCAPSULATIONS[order] + body + struct.pack(
@@ -49,18 +47,37 @@ def collection(polygons, stamp=1000 * SECOND, frame_id='map', order='<', colors=
 def polygon_2d(points, stamp=1000 * SECOND, frame_id='map', order='<'):
     """Write a Polygon2DStamped."""
     return _ENCAPSULATIONS[order] + _with_points_2d(
-        _polygons_2d_head(stamp, frame_id, order), points, order)
+        _header(stamp, frame_id, order), points, order)
 
 
-def _polygons_2d_head(stamp, frame_id, order):
-    text = frame_id.encode() + b'\0'
-    body = struct.pack(order + 'iII', *divmod(stamp, SECOND), len(text)) + text
-    return body + bytes(-len(body) % 4)
+def _header(stamp, frame_id, order):
+    return _with_name(struct.pack(order + 'iI', *divmod(stamp, SECOND)), frame_id, order)
+
+
+def _with_name(body, name, order):
+    text = name.encode() + b'\0'
+    return _with_count(body, text, order) + text
+
+
+def _with_count(body, items, order):
+    return body + bytes(-len(body) % 4) + struct.pack(order + 'I', len(items))
+
+
+def _with_doubles(body, numbers, order):
+    return body + bytes(-len(body) % 8) + struct.pack(f'{order}{len(numbers)}d', *numbers)
+
+
+def _pose(numbers):
+    """Return a translation and a quaternion: as they are, or of x, y and maybe a heading."""
+    if len(numbers) == 7:
+        return numbers
+    x, y, yaw = (*numbers, 0.0)[:3]
+    return x, y, 0.0, 0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)
 
 
 def _with_points_2d(body, points, order):
     """Append the points of a polygon; padding is not zero, as from the middleware."""
-    body += struct.pack(order + 'I', len(points))
+    body = _with_count(body, points, order)
     if len(points):
         body += b'\xaa' * (-len(body) % 8)
     return body + b''.join(struct.pack(order + '2d', x, y) for x, y in points)
@@ -74,36 +91,24 @@ def transforms(*links):
     """
     body = struct.pack('<I', len(links))
     for parent, child, stamp, *numbers in links:
-        if len(numbers) < 7:
-            x, y, yaw = (*numbers, 0.0)[:3]
-            numbers = x, y, 0.0, 0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)
-        body += struct.pack('<iI', *divmod(stamp, SECOND))
-        for name in (parent, child):
-            text = name.encode() + b'\0'
-            body += bytes(-len(body) % 4) + struct.pack('<I', len(text)) + text
-        body += bytes(-len(body) % 8) + struct.pack('<7d', *numbers)
+        body = _with_name(body + _header(stamp, parent, '<'), child, '<')
+        body = _with_doubles(body, _pose(numbers), '<')
     return b'\0\1\0\0' + body
 
 
 def odometry(parent, child, stamp, x, y, yaw=0.0, order='<', twist=(0.0, 0.0, 0.0)):
     """Write an Odometry, which stands still unless a twist (vx, vy, omega) is given."""
-    body = struct.pack(order + 'iI', *divmod(stamp, SECOND))
-    for name in (parent, child):
-        text = name.encode() + b'\0'
-        body += bytes(-len(body) % 4) + struct.pack(order + 'I', len(text)) + text
-    body += bytes(-len(body) % 8) + struct.pack(
-        order + '7d', x, y, 0.0, 0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
     vx, vy, omega = twist
-    body += struct.pack(order + '78d', *[0.0] * 36, vx, vy, 0.0, 0.0, 0.0, omega, *[0.0] * 36)
-    return _ENCAPSULATIONS[order] + body
+    covariance = [0.0] * 36
+    return _ENCAPSULATIONS[order] + _with_doubles(
+        _with_name(_header(stamp, parent, order), child, order),
+        [*_pose((x, y, yaw)), *covariance, vx, vy, 0.0, 0.0, 0.0, omega, *covariance], order)
 
 
 def command(vx, vy=0.0, omega=0.0, stamp=0, frame_id='', order='<'):
     """Write a TwistStamped; components out of the plane are nonsense, as they are not read."""
-    text = frame_id.encode() + b'\0'
-    body = struct.pack(order + 'iII', *divmod(stamp, SECOND), len(text)) + text
-    body += bytes(-len(body) % 8) + struct.pack(order + '6d', vx, vy, math.nan, 7.0, 8.0, omega)
-    return _ENCAPSULATIONS[order] + body
+    return _ENCAPSULATIONS[order] + _with_doubles(
+        _header(stamp, frame_id, order), (vx, vy, math.nan, 7.0, 8.0, omega), order)
 
 
 def path(poses, stamp=0, frame_id='odom', order='<', pose_frame=''):
@@ -112,17 +117,11 @@ def path(poses, stamp=0, frame_id='odom', order='<', pose_frame=''):
 
     The frames of the poses are all the same, or given one by one.
     """
-    text = frame_id.encode() + b'\0'
-    body = struct.pack(order + 'iII', *divmod(stamp, SECOND), len(text)) + text
-    body += bytes(-len(body) % 4) + struct.pack(order + 'I', len(poses))
+    body = _with_count(_header(stamp, frame_id, order), poses, order)
     frames = [pose_frame] * len(poses) if isinstance(pose_frame, str) else pose_frame
     for frame, numbers in zip(frames, poses, strict=True):
-        pose_text = frame.encode() + b'\0'
-        if len(numbers) < 7:
-            x, y, yaw = numbers
-            numbers = x, y, 0.0, 0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)
-        body += struct.pack(order + 'iII', 7, 8, len(pose_text)) + pose_text
-        body += bytes(-len(body) % 8) + struct.pack(order + '7d', *numbers)
+        body = _with_name(body + struct.pack(order + 'iI', 7, 8), frame, order)
+        body = _with_doubles(body, _pose(numbers), order)
     return _ENCAPSULATIONS[order] + body
 
 

@@ -90,25 +90,29 @@ def _run(arguments: argparse.Namespace) -> int:
     _check_outputs(arguments)
     expect = arguments.expect
     baseline = read_baseline(expect) if expect else None
-    results = _check_all(arguments, options)
+    terminal = _Terminal()
+    results = _check_all(arguments, options, terminal)
     verdict = overall(results)
     junit: Callable[[str], None] = partial(write_junit, results)
     if baseline is not None:
         differences = differences_from(baseline, results)
         junit = partial(write_junit_of_differences, differences, expect)
         lines = [f'{name}: {line}' for name, found in differences for line in found]
-        _say(lines or [f'as expected by {expect}'])
+        terminal.say(lines or [f'as expected by {expect}'])
         verdict = Verdict.COLLISION if lines else Verdict.CLEAR
     outputs: list[tuple[str, Callable[[str], None]]] = [
         ('json', partial(write_json, results)), ('csv', partial(write_csv, results)),
         ('junit', junit)]
+    faults = [('standard output', terminal.fault)] if terminal.fault else []
     for option, write in outputs:
         if path := getattr(arguments, option):
             try:
                 write(path)
             except OSError as error:
-                print(f'replay_check: --{option}: {in_one_line(error)}', file=sys.stderr)
-                verdict = max(verdict, Verdict.BAD_INPUT, key=SEVERITY.index)
+                faults.append((f'--{option}', error))
+    for output, fault in faults:
+        print(f'replay_check: {output}: {in_one_line(fault)}', file=sys.stderr)
+        verdict = max(verdict, Verdict.BAD_INPUT, key=SEVERITY.index)
     return int(verdict)
 
 
@@ -181,7 +185,8 @@ def _files_of(path: Path) -> list[Path]:
             if file.name == 'metadata.yaml' or file.name.endswith(_OF_RECORDING)]
 
 
-def _check_all(arguments: argparse.Namespace, options: Options) -> list[Result]:
+def _check_all(arguments: argparse.Namespace, options: Options, terminal: _Terminal
+               ) -> list[Result]:
     """Check, report and draw each recording, and return the results."""
     several, plot = len(arguments.bags) > 1, arguments.plot
     strays = [bag for bag in arguments.bags if not Path(bag).exists()]
@@ -196,10 +201,10 @@ def _check_all(arguments: argparse.Namespace, options: Options) -> list[Result]:
             if several:
                 path = str(Path(plot, f'{Path(result.bag).stem}.png'))
             _draw([result], path, arguments.debug)
-        _say(report(result), result.verdict)
+        terminal.say(report(result), result.verdict)
         results.append(result)
     if several:
-        _say(report_all(results), overall(results))
+        terminal.say(report_all(results), overall(results))
     if one_page:
         _draw(results, plot, arguments.debug)
     return results
@@ -351,17 +356,24 @@ def failed(path: str, options: Options, error: BaseException, attempts: int = 1)
                   problems=[f'{path}: not checked{tried}: {unexpected(error)}'])
 
 
-def _say(lines: Iterable[str], verdict: Verdict | None = None) -> None:
-    """Print lines as far as can be encoded; ignore a reader that has gone, such as `head`."""
-    lines = [*map(printable, lines)]
-    if verdict is not None:
-        lines = with_colour(lines, verdict, sys.stdout)
-    encoding = sys.stdout.encoding or 'utf-8'
-    text = '\n'.join(lines).encode(encoding, 'backslashreplace').decode(encoding)
-    try:
-        print(text, flush=True)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+class _Terminal:
+    """Standard output; after a fault nothing more is printed, and all else goes on."""
+
+    fault: OSError | None = None
+
+    def say(self, lines: Iterable[str], verdict: Verdict | None = None) -> None:
+        """Print lines as far as can be encoded; it is no fault if a reader such as `head` ends."""
+        lines = [*map(printable, lines)]
+        if verdict is not None:
+            lines = with_colour(lines, verdict, sys.stdout)
+        encoding = sys.stdout.encoding or 'utf-8'
+        text = '\n'.join(lines).encode(encoding, 'backslashreplace').decode(encoding)
+        try:
+            print(text, flush=True)
+        except OSError as error:
+            if not isinstance(error, BrokenPipeError):
+                self.fault = error
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _draw(results: list[Result], path: str, debug: bool) -> None:

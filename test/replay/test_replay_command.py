@@ -216,6 +216,18 @@ def test_output_without_space_does_not_take_others_with_it(bags, tmp_path, capsy
                 Path(path).unlink()
 
 
+@pytest.mark.parametrize('name, status', (('clear', 3), ('collision', 1)))
+def test_report_without_space_does_not_take_the_outputs_with_it(bags, tmp_path, name, status):
+    """Nor the verdict: where there is no contact it is that of an output that is missing."""
+    path = tmp_path / 'result.json'
+    with open('/dev/full', 'w') as full:
+        done = subprocess.run(
+            [sys.executable, '-m', 'sat_collision.replay', bags[name], DECLARED, '--json',
+             str(path)], stdout=full, stderr=subprocess.PIPE, text=True)
+    assert done.returncode == status and json.loads(path.read_text())['verdict'] == name
+    assert re.fullmatch('replay_check: standard output: .*No space left on device\n', done.stderr)
+
+
 def test_bag_without_space_does_not_take_the_verdict_with_it(bags, tmp_path):
     """It is not whole, as a problem of the recording says."""
     out = subprocess.run([

@@ -30,7 +30,7 @@ from builders import serialised
 import numpy as np
 from page_parts import replace_part
 from sat_collision import intersects, Polygon, separation
-from sat_collision.geometry.body.packer import max_non_convex, Packer
+from sat_collision.geometry.body.polygon import max_non_convex, Packer
 from sat_collision.messages.cdr import decode
 from sat_collision.monitor import Monitor
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings

@@ -91,7 +91,6 @@ def _half_planes(ring: Ring) -> Iterator[tuple[Ring, Ring]]:
 
 
 def _meet(one: tuple[float, ...], other: tuple[float, ...], slack: float) -> bool:
-    """Return whether two boxes meet, up to rounding."""
     return (one[0] <= other[2] + slack and other[0] <= one[2] + slack
             and one[1] <= other[3] + slack and other[1] <= one[3] + slack)
 

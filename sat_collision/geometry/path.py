@@ -23,8 +23,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sat_collision.geometry.body.box_index import box_gap, contains, rows_near
-from sat_collision.geometry.body.layout import packed_polygon, rows_of
+from sat_collision.geometry.body.box_index import rows_near
+from sat_collision.geometry.body.layout import box_gap, packed_polygon, rows_of, USED
 from sat_collision.geometry.body.moving import MovingBody, parts_about
 from sat_collision.geometry.body.packing import PAIR
 from sat_collision.geometry.body.polygon import as_polygon, BodyLike, Polygon
@@ -32,7 +32,8 @@ from sat_collision.geometry.compiled.floating_point import require_nearest
 from sat_collision.geometry.compiled.jit import indexable, inner, kernel, scratch, scratch_integers
 from sat_collision.geometry.motion.prediction import BEYOND, first_met, Motion, path_of, ways_of
 from sat_collision.geometry.motion.sweep import limits
-from sat_collision.geometry.numeric.vectors import length
+from sat_collision.geometry.numeric.ascending import contains
+from sat_collision.geometry.numeric.vectors import joined, length, NOWHERE
 from sat_collision.geometry.sets.polygon_set import ascending, PolygonSet, rows_within
 
 _TOLERANCE = 1e-3
@@ -136,7 +137,7 @@ def first_of_rows(polygon: Polygon, path: NDArray[np.float64], bodies: PolygonSe
             return PathContact(0.0, 0.0, row)
     row, segment, share, distance = first_row_met_on(
         array, indexed, *polygon.packed, indexable(np.append(path, margin)),
-        indexable(ways_of(None, int(array[1]), 1.0)), ascending(skipped))
+        indexable(ways_of(None, int(array[USED]), 1.0)), ascending(skipped))
     if row < 0:
         return None
     pose = segment + share
@@ -161,7 +162,6 @@ def _checked(poses: ArrayLike) -> NDArray[np.float64]:
 
 
 def _placed(polygon: Polygon, pose: NDArray[np.float64]) -> Polygon:
-    """Return a body placed at a pose."""
     x, y, yaw = pose.tolist()
     c, s = math.cos(yaw), math.sin(yaw)
     count = len(polygon.vertices)
@@ -260,14 +260,10 @@ def _write_box(poses, segment, motion, radius, boxes):
 @inner
 def _box(boxes, segment, end):
     """Return min x, min y, max x, max y of the boxes of some segments."""
-    min_x = min_y = math.inf
-    max_x = max_y = -math.inf
+    box = NOWHERE
     for k in range(4 * segment, 4 * end, 4):
-        min_x = min(min_x, boxes[k])
-        min_y = min(min_y, boxes[k + 1])
-        max_x = max(max_x, boxes[k + 2])
-        max_y = max(max_y, boxes[k + 3])
-    return min_x, min_y, max_x, max_y
+        box = joined(box, boxes[k], boxes[k + 1], boxes[k + 2], boxes[k + 3])
+    return box
 
 
 @inner

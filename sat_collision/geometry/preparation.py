@@ -128,7 +128,6 @@ def is_prepared() -> bool:
 
 
 def prepare_packing() -> None:
-    """Prepare the kernels that make polygons of messages."""
     packed = indexable(np.empty(packed_size(len(_TRIANGLE))))
     points = _TRIANGLE.tobytes(), 0, len(_TRIANGLE), TRIPLE
     pack_convex(*points, packed, len(_TRIANGLE), UNMOVED)
@@ -162,7 +161,6 @@ def prepare_distances() -> None:
 
 
 def prepare_motion() -> None:
-    """Prepare the kernels that predict contacts."""
     # The bodies begin apart: otherwise no motion is computed.
     bodies = PackedSet([_origin()])
     bodies.first_contact(Polygon(_TRIANGLE + 1), (1, 0, 1), 1.0)

@@ -7,7 +7,11 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Queries on bodies: whether they touch, how far apart or deep they are, and when they meet."""
+"""
+Queries on bodies: whether they touch, how far apart or deep they are, and when they meet.
+
+All raise `PolygonError` for points that do not make a polygon.
+"""
 
 from __future__ import annotations
 
@@ -61,18 +65,11 @@ def intersects_many(a: BodyLike,
     Parameters
     ----------
     a : Polygon, (n, 2) array_like or geometry
-        The one body.
     others : PolygonSet or sequence of Polygon, (n, 2) array_like or geometry
-        The m other bodies.
 
     Returns
     -------
     (m,) ndarray of bool
-
-    Raises
-    ------
-    PolygonError
-        Points that do not make a polygon.
 
     Examples
     --------
@@ -121,19 +118,12 @@ def separations(a: PolygonSet | Iterable[BodyLike],
     Parameters
     ----------
     a, b : PolygonSet or sequence of Polygon, (n, 2) array_like or geometry
-        The k-th of a is measured with the k-th of b; of equal length.
+        As for `intersects_pairs`, which raises the same errors.
 
     Returns
     -------
     (k,) ndarray
         As returned by `separation`.
-
-    Raises
-    ------
-    PolygonError
-        Points that do not make a polygon.
-    ValueError
-        The sets differ in length.
 
     Examples
     --------
@@ -155,7 +145,7 @@ def separation(a: BodyLike, b: BodyLike) -> float:
     Parameters
     ----------
     a, b : Polygon, (n, 2) array_like or geometry
-        Polygons, segments or points, convex or not, in one frame; metres.
+        As for `intersects`, which raises the same errors.
 
     Returns
     -------
@@ -167,11 +157,6 @@ def separation(a: BodyLike, b: BodyLike) -> float:
         only if `intersects` is false. Its error is at most 2^-52 of itself plus 2^-96 of the
         largest coordinate; it does not depend on the start vertices or the order of the bodies,
         and is infinite if it is beyond the largest double.
-
-    Raises
-    ------
-    PolygonError
-        Points that do not make a polygon.
 
     Examples
     --------

@@ -18,9 +18,9 @@ from itertools import accumulate, pairwise
 from typing import Any, cast, NamedTuple
 
 import numpy as np
-from sat_collision.geometry.body.packer import Packer, vertices_of
 from sat_collision.geometry.body.packing import SIZES, TRIPLE
-from sat_collision.geometry.body.polygon import Affine2D, PackedBody, Points, PolygonError, UNMOVED
+from sat_collision.geometry.body.polygon import (
+    Affine2D, PackedBody, Packer, Points, PolygonError, UNMOVED, vertices_of)
 from sat_collision.geometry.compiled.jit import indexable
 from sat_collision.geometry.sets.run import IN_ONE_MESSAGE, Run
 from sat_collision.messages.cdr import (

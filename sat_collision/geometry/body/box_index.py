@@ -26,9 +26,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sat_collision.geometry.body.layout import FANOUT, level_sizes, NODE, views_of
+from sat_collision.geometry.body.layout import box_gap, FANOUT, level_sizes, NODE, views_of
 from sat_collision.geometry.compiled.jit import (
     beyond, COMPILED, elements, inlined, inner, scratch_integers)
+from sat_collision.geometry.numeric.ascending import contains, sort
+from sat_collision.geometry.numeric.vectors import joined, NOWHERE
 
 # More than the entries that wait while a tree of 2^48 rows is searched.
 _STACK = 256
@@ -79,15 +81,11 @@ def _tiles(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.int64]:
 @inner
 def bounds_of_index(rows):
     """Return min x, min y, max x, max y of all rows that are in the index."""
-    nodes = rows.nodes
-    min_x = min_y = math.inf
-    max_x = max_y = -math.inf
+    box = NOWHERE
     for k in range(FANOUT):
-        min_x = min(min_x, nodes[k])
-        min_y = min(min_y, nodes[FANOUT + k])
-        max_x = max(max_x, nodes[2 * FANOUT + k])
-        max_y = max(max_y, nodes[3 * FANOUT + k])
-    return min_x, min_y, max_x, max_y
+        box = joined(box, rows.nodes[k], rows.nodes[FANOUT + k], rows.nodes[2 * FANOUT + k],
+                     rows.nodes[3 * FANOUT + k])
+    return box
 
 
 @inner
@@ -131,7 +129,7 @@ def rows_indexed(rows, box, x, y, limit):
             for k in range(FANOUT):
                 found[near] = int(node[4 * FANOUT + k])
                 near += _is_near(node, k, box, x, y, limit)
-    _sort(found, near)
+    sort(found, found, near)
     return found, near
 
 
@@ -142,31 +140,12 @@ def _is_near(node, k, box, x, y, limit):
             & (box[1] - (node[3 * FANOUT + k] - y) <= limit))
 
 
-@inner
-def _sort(numbers, count):
-    """Sort the first of some numbers (Shell sort)."""
-    gap = count // 2
-    while gap > 0:
-        for i in range(gap, count):
-            moved = numbers[i]
-            k = i
-            while k >= gap and numbers[k - gap] > moved:
-                numbers[k] = numbers[k - gap]
-                k -= gap
-            numbers[k] = moved
-        # Not halved: that might compare odd indices only with each other until the last pass.
-        gap = (5 * gap - 1) // 11 if gap > 2 else gap // 2
-
-
 if COMPILED:
     @inner
     def _scan(rows, box, limit, found):
         """Write the rows whose gap to a box is at most a limit, ascending; return how many."""
         found = elements(found)
-        min_x = box[0]
-        min_y = box[1]
-        max_x = box[2]
-        max_y = box[3]
+        min_x, min_y, max_x, max_y = box[0], box[1], box[2], box[3]
         near = 0
         if limit == 0.0:
             # The same, but faster.
@@ -182,7 +161,6 @@ if COMPILED:
         return near
 else:
     def _scan(rows, box, limit, found):
-        """Write the rows whose gap to a box is at most a limit, ascending; return how many."""
         min_x, min_y, max_x, max_y = (np.asarray(column)[:rows.used] for column in rows[:4])
         with np.errstate(over='ignore'):
             near = np.flatnonzero((min_x - box[2] <= limit) & (box[0] - max_x <= limit)
@@ -235,23 +213,3 @@ def nearest_box(rows, indexed, box, skipped):
                 least = box_gap(rows, row, box)
                 first = row
     return first
-
-
-@inlined
-def contains(numbers, number):
-    """Return whether a number is in an ascending array, by bisection."""
-    begin, end = 0, len(numbers)
-    while begin < end:
-        middle = (begin + end) // 2
-        if numbers[middle] < number:
-            begin = middle + 1
-        else:
-            end = middle
-    return begin < len(numbers) and numbers[begin] == number
-
-
-@inlined
-def box_gap(rows, row, box):
-    """Return the gap of bounds along x or y, < 0 if none: a lower bound of the separation."""
-    return max(max(rows.min_x[row] - box[2], box[0] - rows.max_x[row]),
-               max(rows.min_y[row] - box[3], box[1] - rows.max_y[row]))

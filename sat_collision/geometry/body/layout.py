@@ -46,6 +46,8 @@ LARGEST_TABLE = 128
 ENTRY_BITS = 13
 ENTRY_MASK = (1 << ENTRY_BITS) - 1
 
+# Where the array of a set has how many rows are, or were, in use.
+USED = 1
 # How many numbers a set has before its columns, and how many columns.
 _HEAD = 3
 _COLUMNS = 7
@@ -203,17 +205,22 @@ def rows_of(array):
     return Rows(column, beyond(column, room), beyond(column, 2 * room), beyond(column, 3 * room),
                 beyond(whole, 4 * room), beyond(whole, 5 * room), beyond(whole, 6 * room),
                 beyond(column, _COLUMNS * room), beyond(column, _COLUMNS * room + int(numbers[2])),
-                int(numbers[1]))
+                int(numbers[USED]))
 
 
 @inlined
 def body_of(rows, row):
-    """Return the packed body of a row."""
     return Packed(rows.packed, rows.start[row], rows.n[row])
 
 
+@inlined
+def box_gap(rows, row, box):
+    """Return the gap of bounds along x or y, < 0 if none: a lower bound of the separation."""
+    return max(max(rows.min_x[row] - box[2], box[0] - rows.max_x[row]),
+               max(rows.min_y[row] - box[3], box[1] - rows.max_y[row]))
+
+
 def packed_sizes(counts: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return `packed_size` of many counts."""
     kinds, places = np.unique(counts, return_inverse=True)
     return np.array([packed_size(kind) for kind in kinds.tolist()], np.int64)[places]
 
@@ -242,17 +249,11 @@ def views_of(array: NDArray[np.float64]) -> Rows:
     columns = array[_HEAD:end].reshape(_COLUMNS, room)
     packed = end + int(array[2])
     return Rows._make((*columns[:4], *columns[4:].view(np.int64), array[end:packed],
-                       array[packed:], int(array[1])))
-
-
-def use_rows(array: NDArray[np.float64], used: int) -> None:
-    """Set how many rows are in use."""
-    array[1] = used
+                       array[packed:], int(array[USED])))
 
 
 def slices_of(array: NDArray[Any], starts: NDArray[np.int64],
               sizes: NDArray[np.int64]) -> NDArray[Any]:
-    """Return slices of an array, one after another."""
     offsets = starts + sizes - np.cumsum(sizes)
     slices: NDArray[Any] = array[np.repeat(offsets, sizes) + np.arange(sizes.sum())]
     return slices

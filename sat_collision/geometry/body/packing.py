@@ -17,7 +17,8 @@ from sat_collision.geometry.body.layout import (
     ENTRY_BITS, entry_step, FINGERPRINT, HEADER, table_place, table_size)
 from sat_collision.geometry.compiled.floating_point import require_nearest
 from sat_collision.geometry.compiled.jit import (
-    inlined, inner, kernel, scratch, scratch_integers, words_and_doubles, words_and_floats)
+    inlined, inner, kernel, numbers_of, scratch, scratch_integers)
+from sat_collision.geometry.numeric.ascending import sort
 from sat_collision.geometry.numeric.predicates import orient, segments_meet
 from sat_collision.geometry.numeric.vectors import bounds_of, centroid, length
 
@@ -29,9 +30,6 @@ SPIKE = 3
 CROSSING = 4
 TOO_MANY = 5
 
-# The disc's radius is shortened by 2^-45 of the radius and the extent, which exceeds all rounding
-# errors; there is no disc if an edge or the radius is so short that underflow might exceed this.
-# See docs/exactness.md, lemma 10.
 # Numbers of a point in bytes: x, y as float64, or x, y, z as float32; and their sizes.
 PAIR = 2
 TRIPLE = 3
@@ -40,6 +38,9 @@ DOUBLE = 8
 # Bytes of a point.
 SIZES = {PAIR: PAIR * DOUBLE, TRIPLE: TRIPLE * WORD}
 
+# The disc's radius is shortened by 2^-45 of the radius and the extent, which exceeds all rounding
+# errors; there is no disc if an edge or the radius is so short that underflow might exceed this.
+# See docs/exactness.md, lemma 10.
 _SHORTER = 2.0 ** -45
 _LEAST_EDGE = 2.0 ** -500
 _LEAST_RADIUS = 1e-140
@@ -86,9 +87,18 @@ def pack(points, packed, max_vertices, max_non_convex):
 @inner
 def write_packed(points, received, ring, walk, packed, max_vertices, max_non_convex):
     """Pack some points as `pack` does, with room for as many in ring and walk."""
-    verdict, count, i, j = clean(points, received, ring, walk, max_vertices, max_non_convex)
+    verdict, count, clockwise, i = _classify(points, received, ring, walk)
+    j = i
     first = 0
+    if count > max_vertices or (verdict == NON_CONVEX and count > max_non_convex):
+        verdict = TOO_MANY
+    elif verdict == NON_CONVEX:
+        i, j = _first_crossing(ring, count)
+        if i >= 0:
+            verdict = CROSSING
     if verdict == CONVEX or verdict == NON_CONVEX:
+        if clockwise:
+            _reverse(ring, count)
         first = HEADER + table_size(count)
         packed[0] = ring[0]
         packed[1] = ring[1]
@@ -123,10 +133,11 @@ def pack_convex(data, start, received, step, packed, max_vertices, affine):
 def moved_points(data, start, received, step, affine):
     """Return x, y of points, given as `polygon.Points`, as a flat array."""
     points = scratch(2 * received)
+    _, floats, doubles = numbers_of(data)
     if step == PAIR:
-        move(words_and_doubles(data)[1], start // DOUBLE, step, received, affine, points)
+        move(doubles, start // DOUBLE, step, received, affine, points)
     else:
-        move(words_and_floats(data)[1], start // WORD, step, received, affine, points)
+        move(floats, start // WORD, step, received, affine, points)
     return points
 
 
@@ -214,25 +225,9 @@ def _write_table(ring, count, packed):
 
 
 @inner
-def clean(points, received, ring, walk, max_vertices, max_non_convex):
-    """Write points as a ring, cleaned as `Polygon` says; return verdict, count, i, j of `pack`."""
-    verdict, count, clockwise, i = _classify(points, received, ring, walk)
-    j = i
-    if count > max_vertices or (verdict == NON_CONVEX and count > max_non_convex):
-        return TOO_MANY, count, i, j
-    if verdict == NON_CONVEX:
-        i, j = _first_crossing(ring, count)
-        if i >= 0:
-            return CROSSING, count, i, j
-    if clockwise and (verdict == CONVEX or verdict == NON_CONVEX):
-        _reverse(ring, count)
-    return verdict, count, i, j
-
-
-@inner
 def _classify(points, received, ring, walk):
     """
-    Write the clean ring; return verdict, vertex count, clockwise and index.
+    Write the ring, cleaned as `Polygon` says; return verdict, count, whether clockwise, and index.
 
     It is convex if and only if it turns only left, or only right, and exactly one vertex is
     lexicographically smaller than both neighbours (docs/exactness.md, lemma 12). A ring that is
@@ -335,10 +330,12 @@ def _first_crossing(ring, count):
     because neither spikes nor collinear vertices are left.
     """
     least = scratch(count)
+    order = scratch_integers(count)
     for i in range(count):
         after = i + 1 if i + 1 < count else 0
         least[i] = min(ring[2 * i], ring[2 * after])
-    order = _sorted(least, count)
+        order[i] = i
+    sort(least, order, count)
     for s in range(count):
         i = order[s]
         i_end = i + 1 if i + 1 < count else 0
@@ -350,9 +347,9 @@ def _first_crossing(ring, count):
         min_y = min(ay, by)
         max_y = max(ay, by)
         for t in range(s + 1, count):
-            j = order[t]
-            if least[j] > max_x:
+            if least[t] > max_x:
                 break
+            j = order[t]
             j_end = j + 1 if j + 1 < count else 0
             cy = ring[2 * j + 1]
             dy = ring[2 * j_end + 1]
@@ -362,26 +359,6 @@ def _first_crossing(ring, count):
                     and segments_meet(ax, ay, bx, by, ring[2 * j], cy, ring[2 * j_end], dy)):
                 return i, j
     return -1, -1
-
-
-@inner
-def _sorted(keys, count):
-    """Return the indices of count keys in the order of the keys (Shell sort)."""
-    order = scratch_integers(count)
-    for i in range(count):
-        order[i] = i
-    gap = count // 2
-    while gap > 0:
-        for i in range(gap, count):
-            moved = order[i]
-            k = i
-            while k >= gap and keys[order[k - gap]] > keys[moved]:
-                order[k] = order[k - gap]
-                k -= gap
-            order[k] = moved
-        # Not halved: that might compare odd indices only with each other until the last pass.
-        gap = (5 * gap - 1) // 11 if gap > 2 else gap // 2
-    return order
 
 
 @inner

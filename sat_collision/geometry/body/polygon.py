@@ -7,7 +7,7 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Bodies: validated, immutable polygons, segments and points."""
+"""Bodies: validated, immutable polygons, segments and points; and the points of messages."""
 
 from __future__ import annotations
 
@@ -22,11 +22,17 @@ from numpy.typing import ArrayLike, NDArray
 from sat_collision.geometry.body.convex_parts import convex_parts
 from sat_collision.geometry.body.layout import BOUNDS, HEADER, packed_size
 from sat_collision.geometry.body.packing import (
-    CONVEX, moved_points, NON_CONVEX, NOT_FINITE, pack, SPIKE, TOO_MANY, TRIPLE, WORD)
-from sat_collision.geometry.compiled.jit import indexable, KERNEL
+    CONVEX, moved_points, NON_CONVEX, NOT_FINITE, pack, pack_convex, PAIR, SPIKE, TOO_MANY, TRIPLE,
+    WORD)
+from sat_collision.geometry.compiled.jit import COMPILED, indexable, KERNEL
 from sat_collision.geometry.numeric.vectors import centroid
 
 MAX_VERTICES = 1024
+# Max vertices that plain Python cuts into convex parts and measures in time, see
+# docs/reliability.md.
+_MAX_NON_CONVEX = 128
+# Messages with more points than this times the max vertices are refused unread.
+_POINTS_FOR_A_VERTEX = 8
 
 # A packed polygon, see `layout`, and its count: the number of vertices if convex, else minus that
 # of the convex parts. The array may be longer than the polygon.
@@ -280,6 +286,48 @@ class Polygon:
 
 # What is accepted as a body: a Polygon, (n, 2) or (n, 3) points, or a geometry.
 BodyLike: TypeAlias = Polygon | ArrayLike | Geometry
+
+
+def max_non_convex(max_vertices: int) -> int:
+    """Return the max vertices of a non-convex polygon, given those of any polygon."""
+    return max_vertices if COMPILED else min(max_vertices, _MAX_NON_CONVEX)
+
+
+class Packer:
+    """Packs the points of messages, convex ones into an array used again each time."""
+
+    def __init__(self, max_vertices: int) -> None:
+        self.max_vertices = max_vertices
+        self._max_non_convex = max_non_convex(max_vertices)
+        # One more, for a closing point; messages with even more points may be slow.
+        self._max_points = max_vertices + 1
+        self.array = indexable(np.empty(packed_size(self._max_points)))
+
+    def pack(self, points: Points, affine: Affine2D = UNMOVED) -> PackedBody:
+        """Return the body of points moved by an affine map, valid until the next call."""
+        count = points[2]
+        if 0 < count <= self._max_points:
+            vertices = pack_convex(*points, self.array, self.max_vertices, affine)
+            if vertices:
+                return self.array, vertices
+        limit = _POINTS_FOR_A_VERTEX * self.max_vertices
+        if count > limit:
+            raise PolygonError(Reason.TOO_MANY_VERTICES,
+                               f'{count} points, of which at most {limit} are looked at')
+        return Polygon._of_bytes(points, self.max_vertices, self._max_non_convex, affine).packed
+
+
+def vertices_of(points: Points, affine: Affine2D | None = None) -> NDArray[np.float64]:
+    """Return points in the order sent as (n, 2) array, moved by an affine map if given."""
+    data, start, count, step = points
+    received = np.frombuffer(data, np.float64 if step == PAIR else np.float32, step * count,
+                             start).reshape(-1, step)
+    vertices = received[:, :2].astype(np.float64)
+    if affine is None:
+        return vertices
+    a, b, x, c, d, y = affine
+    moved: NDArray[np.float64] = vertices @ np.array([(a, c), (b, d)]) + (x, y)
+    return moved
 
 
 def _decompose(outline: NDArray[np.float64]) -> list[Polygon]:

@@ -47,7 +47,8 @@ try:
     import numba.extending
     from llvmlite import ir
     try:
-        from sat_collision.geometry.compiled.kernel_cache import Draft, keep_compiled, Whole
+        from sat_collision.geometry.compiled.kernel_cache import (
+            IntermediateOnly, keep_compiled, Standalone)
         HAS_OWN_CACHE = True
     except Exception as error:  # of other internals anything may be missing
         if not numba.config.DISABLE_JIT:
@@ -57,7 +58,7 @@ try:
     def _compiled(function: Callable[..., Any], is_inner: bool, **options: Any) -> Any:
         if HAS_OWN_CACHE:
             options |= {'no_cfunc_wrapper': True, 'no_cpython_wrapper': is_inner,
-                        'pipeline_class': Draft if is_inner else Whole}
+                        'pipeline_class': IntermediateOnly if is_inner else Standalone}
         return numba.njit(error_model='numpy', **options)(function)
 
     def _kept(function: Callable[..., Any]) -> Any:
@@ -100,9 +101,9 @@ def kernel(function: Callable[..., Any]) -> Any:
         return function
     compiled = _kept(function)
     if HAS_OWN_CACHE:
-        draft = inner(function)
-        compiled.get_call_template = draft.get_call_template
-        compiled.get_overload = draft.get_overload
+        linked = inner(function)
+        compiled.get_call_template = linked.get_call_template
+        compiled.get_overload = linked.get_overload
     return compiled
 
 
@@ -219,14 +220,10 @@ if COMPILED:
         return np.empty(size, np.int64)
 
     @kernel
-    def words_and_floats(data):
-        """Return bytes reinterpreted as 32-bit words, and as float32, in native byte order."""
-        return _words(elements(data)), _float32s(elements(data))
-
-    @kernel
-    def words_and_doubles(data):
-        """Return bytes reinterpreted as 32-bit words, and as float64, in native byte order."""
-        return _words(elements(data)), _float64s(elements(data))
+    def numbers_of(data):
+        """Return bytes reinterpreted as 32-bit words, as float32 and as float64, native order."""
+        start = elements(data)
+        return _words(start), _float32s(start), _float64s(start)
 else:
     def prefetch(array, i):
         """Do nothing: plain Python would gain nothing."""
@@ -236,27 +233,18 @@ else:
         return array
 
     def beyond(numbers, place):
-        """Return the numbers from an index on."""
         return numbers[place:]
 
     def integers(numbers):
-        """Return doubles reinterpreted as 64-bit integers, bit by bit."""
         return numbers.cast('B').cast(np.dtype(np.int64).char)
 
     def scratch(size):
-        """Return an uninitialised flat array of doubles for use inside a kernel."""
         return memoryview(np.empty(size))
 
     def scratch_integers(size):
-        """Return an uninitialised flat array of 64-bit integers for use inside a kernel."""
         return memoryview(np.empty(size, np.int64))
 
-    def words_and_floats(data):
-        """Return bytes reinterpreted as 32-bit words, and as float32, in native byte order."""
-        whole = memoryview(data)[:len(data) // 4 * 4]
-        return whole.cast('I'), whole.cast('f')
-
-    def words_and_doubles(data):
-        """Return bytes reinterpreted as 32-bit words, and as float64, in native byte order."""
+    def numbers_of(data):
         whole = memoryview(data)
-        return whole[:len(data) // 4 * 4].cast('I'), whole[:len(data) // 8 * 8].cast('d')
+        words = whole[:len(data) // 4 * 4]
+        return words.cast('I'), words.cast('f'), whole[:len(data) // 8 * 8].cast('d')

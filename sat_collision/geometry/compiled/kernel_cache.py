@@ -10,8 +10,9 @@
 Changes to how numba compiles: each kernel is compiled once, and kept on disk.
 
 numba compiles every function to machine code together with all that it calls, and again in each
-that calls it: the last function of a chain of ten is compiled ten times. Here a function stays a
-`Draft`, unlinked LLVM intermediate representation, until one that Python calls is compiled.
+that calls it: the last function of a chain of ten is compiled ten times. Here a function stays
+`IntermediateOnly`, in LLVM's intermediate representation and unlinked, until one that Python calls
+is compiled.
 
 numba compiles a function again if its own file has changed, but not if a kernel that it calls has.
 Here all sources in `sat_collision.geometry`, and in the folder of a kernel, count as its source.
@@ -102,7 +103,6 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
              self._impl.locator.get_source_stamp()))
 
     def is_filled(self) -> bool:
-        """Return whether there is anything to load."""
         try:
             return bool(self._cache_file._load_index())
         except Exception:  # reading damaged files may raise anything
@@ -140,7 +140,6 @@ class _CheckedFile(IndexDataCacheFile):  # type: ignore[misc]
     """Files with a checksum, used only if it is right."""
 
     def delete(self) -> None:
-        """Remove all files of the function."""
         for path in Path(self._cache_path).glob(f'{Path(self._index_name).stem}.*nb[ci]'):
             if path.is_dir() and not path.is_symlink():
                 path.rmdir()
@@ -183,11 +182,12 @@ class _Code(JITCodeLibrary):  # type: ignore[misc]
         # Each before those that it calls, because LLVM links only what is already called.
         if library not in self._linking_libraries:
             super().add_linking_library(library)
-            for called in library._linking_libraries if isinstance(library, _DraftCode) else ():
-                self.add_linking_library(called)
+            if isinstance(library, _IntermediateCode):
+                for called in library._linking_libraries:
+                    self.add_linking_library(called)
 
 
-class _DraftCode(_Code):
+class _IntermediateCode(_Code):
     """The code of a function that Python cannot call: it has no address."""
 
     @property
@@ -208,7 +208,7 @@ class _DraftCode(_Code):
         return 0
 
 
-class Whole(Compiler):  # type: ignore[misc]
+class Standalone(Compiler):  # type: ignore[misc]
     """Compiles a function for Python to call."""
 
     def compile_extra(self, function: Callable[..., Any]) -> Any:
@@ -218,10 +218,11 @@ class Whole(Compiler):  # type: ignore[misc]
         return super().compile_extra(function)
 
 
-class Draft(Compiler):  # type: ignore[misc]
+class IntermediateOnly(Compiler):  # type: ignore[misc]
     """Compiles a function for use in others."""
 
     def compile_extra(self, function: Callable[..., Any]) -> Any:
         """Compile a function as far as it can be without those that call it."""
-        self.state.library = _DraftCode(self.state.targetctx.codegen(), function.__qualname__)
+        self.state.library = _IntermediateCode(self.state.targetctx.codegen(),
+                                               function.__qualname__)
         return super().compile_extra(function)

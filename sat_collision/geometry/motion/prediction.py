@@ -31,15 +31,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sat_collision.geometry.body.box_index import bounds_of_index, contains, rows_indexed
+from sat_collision.geometry.body.box_index import bounds_of_index, rows_indexed
 from sat_collision.geometry.body.layout import body_of, packed_polygon, rows_of
 from sat_collision.geometry.body.moving import MovingBody, parts_about
 from sat_collision.geometry.compiled.floating_point import require_nearest
 from sat_collision.geometry.compiled.jit import (
     beyond, elements, inlined, inner, kernel, scratch, scratch_integers)
 from sat_collision.geometry.motion.sweep import as_double, first_contact_of_moving, limits
+from sat_collision.geometry.numeric.ascending import contains
 from sat_collision.geometry.numeric.predicates import UNDERFLOW_BOUND
-from sat_collision.geometry.numeric.vectors import bounds_of, length, unit
+from sat_collision.geometry.numeric.vectors import bounds_of, joined, length, NOWHERE, unit
 
 # Max angle by which a body turns in a piece, rad, unless that takes too many pieces.
 _TURN = 0.1
@@ -302,25 +303,20 @@ def _distances(body, motion):
 @inner
 def _bound(path):
     """Write the boxes of the pieces of a path, and of the whole path."""
-    boxes = path.boxes
     chords = scratch(2 * len(path.body.array))
-    whole = 4 * path.pieces
+    whole = NOWHERE
     for piece in range(path.pieces):
         start, end = _times(path, piece)
         sagitta = _sagitta(path, end - start)
         _write_pose(path, start, chords, 0)
         _write_pose(path, end, chords, 2)
         min_x, min_y, max_x, max_y = bounds_of(chords, len(chords) // 2)
-        box = 4 * piece
-        boxes[box] = min_x - sagitta
-        boxes[box + 1] = min_y - sagitta
-        boxes[box + 2] = max_x + sagitta
-        boxes[box + 3] = max_y + sagitta
-        for k in range(2):
-            low = boxes[box + k]
-            high = boxes[box + k + 2]
-            boxes[whole + k] = low if piece == 0 else min(boxes[whole + k], low)
-            boxes[whole + k + 2] = high if piece == 0 else max(boxes[whole + k + 2], high)
+        box = min_x - sagitta, min_y - sagitta, max_x + sagitta, max_y + sagitta
+        whole = joined(whole, box[0], box[1], box[2], box[3])
+        for k in range(4):
+            path.boxes[4 * piece + k] = box[k]
+    for k in range(4):
+        path.boxes[4 * path.pieces + k] = whole[k]
 
 
 @inlined

@@ -12,5 +12,6 @@ Arithmetic on coordinates, with its error bounds.
 
 double_double  numbers of twice the precision of a double (docs/exactness.md, lemma 15)
 predicates     exact orientation of three points, by stages (Shewchuk 1997)
-vectors        lengths, units and the scaling that keeps them from overflow
+ascending      sorting, and finding a number
+vectors        lengths, units, boxes, and the scaling that keeps them from overflow
 """

@@ -59,20 +59,17 @@ def _normalised(head, tail):
 
 @inner
 def negative(a):
-    """Return -a."""
     return -a[0], -a[1]
 
 
 @inner
 def plus(a, b):
-    """Return a + b."""
     head = a[0] + b[0]
     return _normalised(head, difference_error(a[0], -b[0], head) + (a[1] + b[1]))
 
 
 @inner
 def times(a, b):
-    """Return a b."""
     head = a[0] * b[0]
     return _normalised(head, product_error(a[0], b[0], head) + (a[0] * b[1] + a[1] * b[0]))
 
@@ -99,7 +96,6 @@ def square_root(a):
 
 @inner
 def dot(ax, ay, bx, by):
-    """Return the scalar product of two vectors."""
     return plus(times(ax, bx), times(ay, by))
 
 

@@ -10,13 +10,16 @@
 
 import math
 
-from sat_collision.geometry.compiled.jit import inner, kernel
+from sat_collision.geometry.compiled.jit import inlined, inner, kernel
 
 # Between these magnitudes the third powers of coordinates neither overflow nor underflow; others
 # are multiplied by a power of two, which is exact.
 _LARGE = 2.0 ** 300
 _SMALL = 2.0 ** -300
 _MAX_SHIFT = 1000
+
+# The box, min x, min y, max x, max y, of no points.
+NOWHERE = math.inf, math.inf, -math.inf, -math.inf
 
 
 @kernel
@@ -95,14 +98,16 @@ def centroid(ring, count):
 @inner
 def bounds_of(points, count):
     """Return min x, min y, max x, max y of so many points, given as a flat array."""
-    min_x = min_y = math.inf
-    max_x = max_y = -math.inf
+    box = NOWHERE
     for k in range(0, 2 * count, 2):
-        min_x = min(min_x, points[k])
-        max_x = max(max_x, points[k])
-        min_y = min(min_y, points[k + 1])
-        max_y = max(max_y, points[k + 1])
-    return min_x, min_y, max_x, max_y
+        box = joined(box, points[k], points[k + 1], points[k], points[k + 1])
+    return box
+
+
+@inlined
+def joined(box, min_x, min_y, max_x, max_y):
+    """Return the box of two boxes."""
+    return min(box[0], min_x), min(box[1], min_y), max(box[2], max_x), max(box[3], max_y)
 
 
 @kernel

@@ -305,7 +305,6 @@ else:
         return array[p.start + np.add.outer(starts, np.arange(2, 6))]
 
     def _nearest_boxes(p, q):
-        """Return the first pair of parts with the greatest `_overlap`."""
         return int(np.argmax(_overlaps(p, q)))
 
     def open_pairs(p, q, least):

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sat_collision.geometry.body.box_index import build_index
 from sat_collision.geometry.body.layout import (
-    new_array, packed_size, packed_sizes, slices_of, use_rows, value_of, views_of)
+    new_array, packed_size, packed_sizes, slices_of, USED, value_of, views_of)
 from sat_collision.geometry.body.packing import DOUBLE, PAIR
 from sat_collision.geometry.body.polygon import (
     as_polygon, BodyLike, coordinates, ends_of, is_geometry, MAX_VERTICES, PackedBody, Polygon,
@@ -172,7 +172,7 @@ class PolygonSet:
             self._place(row, packed, _EMPTY)
 
     def _use(self, array: NDArray[np.float64]) -> None:
-        use_rows(array, self._used_rows)
+        array[USED] = self._used_rows
         self._rows = views_of(array)
         # A view of its own, so that only queries refer to it as well.
         self._array = indexable(array[:])
@@ -277,7 +277,7 @@ class PolygonSet:
         if row == len(self._rows.n):
             self._rebuild(2 * row, len(self._rows.packed))
         self._used_rows += 1
-        use_rows(self._array, self._used_rows)
+        self._array[USED] = self._used_rows
         return row
 
     def replace(self, row: int, body: BodyLike) -> None:
@@ -354,7 +354,6 @@ class PolygonSet:
             return self._polygon(self._checked(row))
 
     def _polygon(self, row: int) -> Polygon:
-        """Return the body of a row that has one."""
         start = self._rows.start[row]
         return Polygon._of_packed(self._rows.packed[start:], int(self._rows.n[row]))
 
@@ -469,7 +468,7 @@ class PolygonSet:
         """Return the same for a `prediction.Motion`, leaving out the rows skipped."""
         polygon = as_polygon(footprint)
         array, indexed = self._snapshot()
-        ways = ways_of(velocities, int(array[1]), motion[5])
+        ways = ways_of(velocities, int(array[USED]), motion[5])
         skipped = set(skipped)
         for row in rows_within(array, indexed, polygon, float(motion[-1])).tolist():
             if row not in skipped:
@@ -482,7 +481,7 @@ class PolygonSet:
     def intersects(self, body: BodyLike) -> NDArray[np.bool_]:
         """Return for each row whether its body shares a point with a body: (m,) bool."""
         array, indexed = self._snapshot()
-        answers = np.zeros(int(array[1]), np.bool_)
+        answers = np.zeros(int(array[USED]), np.bool_)
         answers[rows_within(array, indexed, as_polygon(body), 0.0)] = True
         return answers
 
@@ -521,9 +520,10 @@ class PolygonSet:
             raise TypeError(f'a {type(other).__name__}, but rows are paired with those of a '
                             'PolygonSet: make one of the bodies')
         array, other_array = self._snapshot()[0], other._snapshot()[0]
-        if array[1] != other_array[1]:
-            raise ValueError(f'{int(array[1])} bodies cannot be paired with {int(other_array[1])}')
-        return array, other_array, int(array[1])
+        used, other_used = int(array[USED]), int(other_array[USED])
+        if used != other_used:
+            raise ValueError(f'{used} bodies cannot be paired with {other_used}')
+        return array, other_array, used
 
     def _make_room(self, row: int, size: int) -> None:
         """Reserve space for a packed body of a row, at the end of the space in use."""
@@ -559,7 +559,6 @@ def _body_of_row(row: int, body: BodyLike, limit: int = MAX_VERTICES) -> Polygon
 
 def _restored(kind: type[PolygonSet], free: list[int], used: int, rows: NDArray[np.int64],
               vertices: NDArray[np.float64], ends: NDArray[np.int64]) -> PolygonSet:
-    """Return a set that was pickled."""
     bodies = kind()
     bodies._fill(used, rows, vertices, ends, int(np.diff(ends).max(initial=1)))
     bodies._free = free

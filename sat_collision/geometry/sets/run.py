@@ -15,13 +15,12 @@ They are in messages that differ only in their points, or in one message that ha
 
 from typing import Any, TypeAlias
 
-from sat_collision.geometry.body.box_index import box_gap
-from sat_collision.geometry.body.layout import bounds_in, packed_polygon, rows_of
+from sat_collision.geometry.body.layout import bounds_in, box_gap, packed_polygon, rows_of
 from sat_collision.geometry.body.packing import (
     CONVEX, DOUBLE, move, PAIR, TRIPLE, WORD, write_packed)
 from sat_collision.geometry.compiled.floating_point import require_nearest
 from sat_collision.geometry.compiled.jit import (
-    inner, kernel, scratch, words_and_doubles, words_and_floats)
+    inner, kernel, numbers_of, scratch)
 from sat_collision.geometry.sets.set_kernels import NO_ROOM, write_row
 
 # Messages that differ only in their points: their bytes, joined; the end of each but the last, an
@@ -66,8 +65,7 @@ def write_run(run, set_array, rows, row, limit, others, margin):
     """
     data, ends, first, count_at, affine, max_vertices, packed = run
     require_nearest(count_at)
-    words, values = words_and_floats(data)
-    _, doubles = words_and_doubles(data)
+    words, floats, doubles = numbers_of(data)
     near = rows_of(others)
     in_one = count_at == IN_ONE_MESSAGE
     header = count_at // WORD
@@ -102,7 +100,7 @@ def write_run(run, set_array, rows, row, limit, others, margin):
         if in_one:
             move(doubles, start, PAIR, received, affine, points)
         else:
-            move(values, start, TRIPLE, received, affine, points)
+            move(floats, start, TRIPLE, received, affine, points)
         verdict, vertices, _, _, _ = write_packed(points, received, ring, walk, packed,
                                                   max_vertices, 0)
         if verdict != CONVEX or _is_near(near, packed_polygon(packed, vertices), margin) or (
@@ -131,7 +129,7 @@ def find_polygons(data, at, spans):
         Where the last polygon ends; -1 - k if polygon k would end beyond the message.
 
     """
-    words, _ = words_and_floats(data)
+    words, _, _ = numbers_of(data)
     size = len(data)
     for k in range(len(spans) // 2):
         if at + WORD > size:

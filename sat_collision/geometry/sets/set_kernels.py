@@ -21,13 +21,14 @@ vertices that one pair reads next are fetched while the others are computed.
 import math
 from typing import Any, NamedTuple
 
-from sat_collision.geometry.body.box_index import box_gap, contains, nearest_box, rows_near
+from sat_collision.geometry.body.box_index import nearest_box, rows_near
 from sat_collision.geometry.body.layout import (
-    body_of, body_size, bounds_in, HEADER, near_support, Packed, packed_polygon, Rows, rows_of,
-    SCAN_LIMIT, table_place, table_sector)
+    body_of, body_size, bounds_in, box_gap, HEADER, near_support, Packed, packed_polygon, Rows,
+    rows_of, SCAN_LIMIT, table_place, table_sector)
 from sat_collision.geometry.compiled.floating_point import require_nearest
 from sat_collision.geometry.compiled.jit import (
     elements, inlined, inner, kernel, prefetch, scratch, scratch_integers)
+from sat_collision.geometry.numeric.ascending import contains
 from sat_collision.geometry.pair.distance import measure
 from sat_collision.geometry.pair.intersection import bodies_meet, filtered_verdict, meet_near
 from sat_collision.geometry.pair.separating_axis import (
@@ -320,6 +321,5 @@ def _prefetch(p):
 
 @inlined
 def _prefetch_neighbours(packed, i):
-    """Prefetch a vertex and those before and after it."""
     prefetch(packed, i - 2)
     prefetch(packed, i + 3)

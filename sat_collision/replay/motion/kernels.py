@@ -20,8 +20,7 @@ import math
 import numpy as np
 from sat_collision.geometry.body.moving import STRIDE
 from sat_collision.geometry.body.packing import CONVEX, pack, PAIR
-from sat_collision.geometry.compiled.jit import (
-    kernel, scratch, words_and_doubles, words_and_floats)
+from sat_collision.geometry.compiled.jit import kernel, numbers_of, scratch
 
 # The bytes of a float32, and the float32s of a point in a message.
 _WORD = 4
@@ -74,8 +73,7 @@ def describe(data, messages, ends, affines, out):
         ROW to MAY_REPEAT are written; all must be 0 before.
 
     """
-    words, values = words_and_floats(data)
-    _, doubles = words_and_doubles(data)
+    words, values, doubles = numbers_of(data)
     points, rings, boxes, sets = out
     keys = np.empty(len(rings), np.int64)
     message = listed = i = start = 0

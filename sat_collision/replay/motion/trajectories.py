@@ -17,8 +17,8 @@ from functools import cached_property, reduce
 from typing import TypeAlias
 
 import numpy as np
-from sat_collision.geometry.body.packer import vertices_of
-from sat_collision.geometry.body.polygon import Affine2D, Points, Polygon, PolygonError
+from sat_collision.geometry.body.polygon import (
+    Affine2D, Points, Polygon, PolygonError, vertices_of)
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.replay.motion.bodies import (
     Bodies, Floats, Interval, LinearMotion, LONGEST, motion_between, SetBatch)

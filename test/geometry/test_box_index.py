@@ -34,15 +34,6 @@ def scattered(rng, count):
     return rng.uniform(-side, side, (count, 1, 2)) + rng.uniform(0.1, 2.0, (count, 1, 1)) * SQUARE
 
 
-def clustered(rng, count):
-    centres = rng.uniform(-100, 100, (5, 2))[rng.integers(0, 5, count)]
-    return (centres + rng.normal(0, 1.5, (count, 2)))[:, None] + SQUARE
-
-
-def equal(rng, count):
-    return np.tile(SQUARE, (count, 1, 1))
-
-
 def in_a_grid(rng, count):
     """Return squares with common edges and corners, in any order."""
     width = int(count**0.5) + 1
@@ -50,27 +41,19 @@ def in_a_grid(rng, count):
     return np.stack([places // width, places % width], 1)[:, None] + SQUARE
 
 
-def points(rng, count):
-    return rng.integers(-20, 20, (count, 1, 2)).astype(float)
-
-
-def long_walls(rng, count):
-    return rng.uniform(-50, 50, (count, 2, 2))
-
-
-def tiny(rng, count):
-    return 1e-310 * scattered(rng, count)
-
-
-def huge(rng, count):
-    return 5e305 * scattered(rng, count)
-
-
-def of_all_sizes(rng, count):
-    return scattered(rng, count) * 2.0 ** rng.integers(-900, 900, (count, 1, 1))
-
-
-KINDS = [scattered, clustered, equal, in_a_grid, points, long_walls, tiny, huge, of_all_sizes]
+KINDS = {
+    'scattered': scattered,
+    'clustered': lambda rng, count: SQUARE + rng.normal(0, 1.5, (count, 1, 2)) + (
+        rng.uniform(-100, 100, (5, 1, 2))[rng.integers(0, 5, count)]),
+    'equal': lambda rng, count: np.tile(SQUARE, (count, 1, 1)),
+    'in a grid': in_a_grid,
+    'points': lambda rng, count: rng.integers(-20, 20, (count, 1, 2)).astype(float),
+    'long walls': lambda rng, count: rng.uniform(-50, 50, (count, 2, 2)),
+    'tiny': lambda rng, count: 1e-310 * scattered(rng, count),
+    'huge': lambda rng, count: 5e305 * scattered(rng, count),
+    'of all sizes': lambda rng, count: scattered(rng, count) * 2.0 ** rng.integers(
+        -900, 900, (count, 1, 1)),
+}
 
 
 def pair_of_sets(bodies, removed=()):
@@ -106,7 +89,7 @@ def answers(bodies, body, extent):
     return [one.tolist() if isinstance(one, np.ndarray) else one for one in found]
 
 
-@pytest.mark.parametrize('kind', KINDS)
+@pytest.mark.parametrize('kind', KINDS.values(), ids=KINDS)
 def test_index_and_scan_agree(kind):
     """Same rows, same order, same values, with rows that were removed and without."""
     rng = np.random.default_rng(1)

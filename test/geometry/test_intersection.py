@@ -10,14 +10,16 @@
 """`intersects` against the exact oracle on every hard family."""
 
 import families
+import metamorphic
 import numpy as np
 import oracle
 import pytest
-
 from sat_collision import intersects, intersects_pairs, Polygon, PolygonSet
+from sat_collision.geometry.compiled.jit import COMPILED
 
 ALL = {**families.CONVEX, **families.SIMPLE}
 EVERY = {**ALL, **families.EXTREME}
+COUNT = 2000 if COMPILED else 300
 NO_ROOM_TO_SCALE = ('one_ulp', *families.EXTREME)
 
 # Each gives the same body, or the same change of both bodies without rounding.
@@ -104,3 +106,22 @@ def test_families(name):
 def test_random_pairs_are_half_separate():
     truth, _ = oracle.intersects_pairs(pairs_of('random_pairs', 3000, 5))
     assert 0.45 < truth.mean() < 0.55
+
+
+@pytest.mark.parametrize('n', [5, 19])
+@pytest.mark.parametrize('name', metamorphic.CHANGES)
+def test_exact_changes_change_no_answer(name, n):
+    assert metamorphic.changed_answers(name, np.random.default_rng(5), COUNT, n) == 0
+
+
+@pytest.mark.parametrize('n', [5, 19])
+def test_body_intersects_if_one_of_its_halves_does(n):
+    """The halves share the diagonal along which the body is cut."""
+    rng = np.random.default_rng(6)
+    assert sum(metamorphic.lost_by_a_cut(rng, COUNT // 5, n) for _ in range(5)) == 0
+
+
+def test_both_answers_occur_in_pairs_that_are_changed():
+    answers = intersects_pairs(*metamorphic.sets_of(
+        *metamorphic.pairs_of(np.random.default_rng(7), COUNT, 5)))
+    assert 0.3 < answers.mean() < 0.95

@@ -9,14 +9,12 @@
 """Sets of bodies: changes, pairs with another set, and queries by one body."""
 
 import math
-import time
 
 from bodies import as_shapely, random_body
 import numpy as np
 import pytest
 from sat_collision import (
     intersects, intersects_many, intersects_pairs, Polygon, PolygonError, PolygonSet, separation)
-from sat_collision.geometry.compiled.jit import COMPILED
 from sat_collision.geometry.sets.packed_set import PackedSet
 import shapely
 
@@ -312,15 +310,3 @@ def test_invalid_offsets_are_refused(offsets):
     with pytest.raises(ValueError, match='offsets') as error:
         PolygonSet.from_array(SQUARES[0], offsets)
     assert not isinstance(error.value, PolygonError)
-
-
-def test_an_array_is_faster_than_one_by_one():
-    points = regular(np.random.default_rng(8), 5000, 4)
-    costs = []
-    for make in (PolygonSet, PolygonSet.from_array):
-        costs.append(np.inf)
-        for _ in range(5):
-            begin = time.process_time()
-            make(points)
-            costs[-1] = min(costs[-1], time.process_time() - begin)
-    assert costs[1] < costs[0] / (8 if COMPILED else 0.9)

@@ -16,6 +16,7 @@ from pathlib import Path
 import families
 import numpy as np
 import oracle
+from paths import BAR, BOX, L
 import pytest
 from sat_collision import (
     intersects, PolygonError, PolygonSet, separation, time_of_contact, time_to_contact)
@@ -24,9 +25,6 @@ import shapes
 DATA = json.loads((Path(__file__).parents[1] / 'data' / 'prediction.json').read_text())
 TRANSLATIONS = [dict(zip(DATA['columns'], row)) for row in DATA['translations']]
 
-BOX = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], float)
-BAR = BOX[:2]
-L = np.array([(0, 0), (2, 0), (2, 0.5), (0.5, 0.5), (0.5, 2), (0, 2)])
 BODIES = [BOX[:1], BAR, BOX[:3], BOX, L, shapes.comb(2)]
 # Angles 2 atan(k / 256) have rational cosines and sines.
 PARTS = 256

@@ -23,7 +23,7 @@ import zlib
 
 from sat_collision.extras import in_one_line
 from sat_collision.replay.bag.storage import (
-    Damage, Faults, Limits, LONGEST_ROW, Row, Storage, unpacked)
+    Damage, EMPTY, Faults, Limits, LONGEST_ROW, Row, Storage, unpacked)
 
 _MAGIC = b'\x89MCAP0\r\n'
 _FOOTER_KIND, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX = range(2, 8)
@@ -87,10 +87,13 @@ class McapFile(Storage):
             self._file = os.open(path, os.O_RDONLY)
             self._size = os.fstat(self._file).st_size
             if not self._size:
-                raise Damage('the file is empty: nothing was recorded, or it was not copied '
-                             'whole; record or copy it again')
-            if self._read(0, len(_MAGIC)) != _MAGIC:
+                raise Damage(EMPTY)
+            begin = self._read(0, min(self._size, len(_MAGIC)))
+            if not _MAGIC.startswith(begin):
                 raise Damage('this is not an MCAP file')
+            if self._size <= len(_MAGIC):
+                raise Damage('it ends before its first record: the recorder was ended before it '
+                             'wrote anything, or it was not copied whole; record or copy it again')
             self._walk_summary()
             self._walk_data()
         except (OSError, Damage) as error:

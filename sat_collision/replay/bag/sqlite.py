@@ -19,7 +19,7 @@ import sqlite3
 
 from sat_collision.extras import in_one_line
 from sat_collision.replay.bag.storage import (
-    Damage, Faults, in_rows, Limits, Message, Row, Scratch, Storage)
+    Damage, EMPTY, Faults, in_rows, Limits, Message, Row, Scratch, Storage)
 
 _LOGS = ('-wal', '-journal')
 _COLUMNS = {'topics': {'id', 'name', 'type'},
@@ -51,6 +51,9 @@ class SqliteFile(Storage):
         self._whole = self._plain = False
         self._names: dict[object, str] = {}
         self._connection: sqlite3.Connection | None = None
+        if not size:
+            faults.damaged(EMPTY)
+            return
         try:
             self._connection = _connected(path, scratch)
             self._read_topics(self._connection)

@@ -31,6 +31,8 @@ Row: TypeAlias = tuple[str, list[int], list[bytes]]
 # Max messages in a row, as many as the node processes together.
 LONGEST_ROW = 64
 
+EMPTY = ('the file is empty: nothing was recorded, or it was not copied whole; record or copy it '
+         'again')
 ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 _PIECE = 2**20
 _LIBRARIES = {'zstd': 'backports.zstd', 'lz4': 'lz4'}

@@ -461,13 +461,17 @@ def test_folder_of_recordings_is_bad_input(tmp_path):
     assert 'reindex' not in problem
 
 
-def test_empty_file(tmp_path):
+@pytest.mark.parametrize('name, content, words', [
+    ('a.mcap', b'', 'the file is empty: nothing was recorded, or it was not copied whole'),
+    ('a.db3', b'', 'the file is empty: nothing was recorded, or it was not copied whole'),
+    *(('a.mcap', b'\x89MCAP0\r\n'[:size], 'it ends before its first record: the recorder was '
+       'ended before it wrote anything, or it was not copied whole') for size in (3, 8))])
+def test_file_without_a_record(tmp_path, name, content, words):
     """The message says what it is, and what to do."""
-    (tmp_path / 'a.mcap').touch()
-    result = check(tmp_path / 'a.mcap')
+    (tmp_path / name).write_bytes(content)
+    result = check(tmp_path / name)
     assert result.verdict is Verdict.BAD_INPUT
-    assert result.problems == [f'{tmp_path / "a.mcap"}: the file is empty: nothing was recorded, '
-                               'or it was not copied whole; record or copy it again']
+    assert result.problems == [f'{tmp_path / name}: {words}; record or copy it again']
 
 
 def test_recording_without_topics(tmp_path):

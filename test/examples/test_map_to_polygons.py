@@ -24,7 +24,7 @@ from geometry_msgs.msg import Point, PolygonStamped, Pose, Quaternion  # noqa: E
 from harness import box  # noqa: E402
 from nav_msgs.msg import MapMetaData, OccupancyGrid  # noqa: E402
 from rclpy.qos import DurabilityPolicy, QoSProfile  # noqa: E402
-from test_recipes import recipe  # noqa: E402
+from test_recipes import parameters_of_a_map  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLE = ROOT / 'examples' / 'map_to_polygons.py'
@@ -78,13 +78,7 @@ def test_cells_are_where_resolution_and_origin_say(yaw):
 @pytest.mark.parametrize('in_one_message', (False, True), ids=('one by one', 'in one message'))
 def test_maps_are_checked(start, run, tmp_path, in_one_message):
     """A map sent once, before the converter is there; then another one replaces it."""
-    params = tmp_path / 'params.yaml'
-    text = recipe('A static map', 'yaml')
-    if in_one_message:
-        pytest.importorskip('polygon_msgs', reason='make .venv/messages.stamp builds it')
-        text = text.replace('set_end: empty_polygon', 'type: polygon_collection')
-    params.write_text(text)
-    monitor = start(('--params-file', str(params)))
+    monitor = start(parameters_of_a_map(tmp_path, in_one_message))
     maps = monitor.node.create_publisher(OccupancyGrid, 'map', QoSProfile(
         depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
     grid = OccupancyGrid(info=map_info(8, 2, 1.0, yaw=math.pi / 2))

@@ -37,16 +37,21 @@ def functions(heading, number=0):
     return SimpleNamespace(**known)
 
 
-@pytest.mark.parametrize('at_once', (False, True), ids=('one by one', 'in one message'))
-def test_static_map(start, tmp_path, at_once):
-    """It is sent once, before the monitor has found its publisher."""
-    params = tmp_path / 'params.yaml'
+def parameters_of_a_map(folder, at_once=False):
+    """Return the arguments of a monitor of the static map, sent one by one or in one message."""
     text = recipe('A static map', 'yaml')
     if at_once:
         pytest.importorskip('polygon_msgs', reason='make .venv/messages.stamp builds it')
         text = text.replace('set_end: empty_polygon', 'type: polygon_collection')
-    params.write_text(text)
-    monitor = start(('--params-file', str(params)))
+    file = folder / 'params.yaml'
+    file.write_text(text)
+    return '--params-file', str(file)
+
+
+@pytest.mark.parametrize('at_once', (False, True), ids=('one by one', 'in one message'))
+def test_static_map(start, tmp_path, at_once):
+    """It is sent once, before the monitor has found its publisher."""
+    monitor = start(parameters_of_a_map(tmp_path, at_once))
     known = functions('A static map', int(at_once))
     publisher = (known.publish_map_at_once if at_once else known.publish_map)(
         monitor.node, [box(0.0), box(5.0), [(9.0, 0.0), (9.0, 5.0)]])
@@ -57,9 +62,7 @@ def test_static_map(start, tmp_path, at_once):
 
 def test_zones_of_vda_5050(start, tmp_path):
     """Blocked zones stop the robot, others do not; the next set replaces them."""
-    params = tmp_path / 'params.yaml'
-    params.write_text(recipe('A static map', 'yaml'))
-    monitor = start(('--params-file', str(params)))
+    monitor = start(parameters_of_a_map(tmp_path))
     publish_map = functions('A static map').publish_map
     blocked_zones = functions('Zones of VDA 5050').blocked_zones
 

@@ -142,6 +142,14 @@ def test_csv_and_junit(bags, tmp_path):
     assert f'{SOURCE}/0' in root.find('.//failure').get('message')
 
 
+def test_junit_fails_where_no_footprint_is_enabled(bags, tmp_path):
+    """The verdict is unknown, and it has no case of a footprint."""
+    suites = tmp_path / 'result.xml'
+    assert main([bags['clear'], '-p', 'footprint.enabled:=false', '--junit', str(suites)]) == 2
+    failure, = ElementTree.parse(suites).getroot().iter('failure')
+    assert failure.text == 'no footprint is enabled'
+
+
 def test_baseline(bags, tmp_path, capsys):
     """An expected collision is no failure; a missing one is."""
     stored = str(tmp_path / 'stored.json')

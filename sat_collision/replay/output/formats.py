@@ -109,8 +109,9 @@ def write_junit(results: list[Result], path: str) -> None:
     """Write a test suite for each recording: one case for it and one for each footprint."""
     suites = []
     for result in results:
-        cases = [('recording', 'error', result.problems or (
-            [] if result.footprints else ['nothing to check']))]
+        cases = [('recording', 'error', result.problems)]
+        if not result.problems and not any(one.enabled for one in result.footprints):
+            cases.append(('footprints', 'failure', ['no footprint is enabled']))
         cases += [(f'messages of {source.name}', 'failure', [*source.examples.values()])
                   for source in result.sources if source.refused]
         cases += [(f'plans of {footprint.name}', 'failure', plan_failures(footprint, result))

@@ -136,7 +136,7 @@ function drawBar(bar, bars, top) {
     width: Math.max(last - first, 0.1), y: middle - 7, height: 14,
     ...isContact ? {'data-contact': bar.contact} : {'data-time': bar.first}});
   box.append(svg('title', {}, isContact ? title(recording.contacts[bar.contact]) :
-    `unknown from ${bar.first.toFixed(3)} to ${bar.last.toFixed(3)} s`));
+    `${bar.text} from ${bar.first.toFixed(3)} to ${bar.last.toFixed(3)} s`));
   const needed = 6.2 * bar.text.length + 8;
   const next = Math.min(timeline.clientWidth - MARGIN.right, ...bars.filter(other =>
     other.row === bar.row && other.first > bar.first).map(other => x(other.first)));

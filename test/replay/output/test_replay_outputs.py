@@ -29,7 +29,6 @@ from sat_collision.replay.output.bag import write_example
 pytest.importorskip('matplotlib')
 
 from matplotlib.colors import to_hex  # noqa: E402, I100
-from matplotlib.patches import Rectangle  # noqa: E402
 from matplotlib.text import Text  # noqa: E402
 from sat_collision.replay.output.figure import draw_picture, write_picture  # noqa: E402
 from sat_collision.replay.output.text import lanes_of, RED  # noqa: E402
@@ -291,16 +290,6 @@ def test_texts_of_a_picture():
         2, 2, 1]
     titles = [text for text in written if ' s: ' in text and ' and ' in text]
     assert titles == sorted(titles, key=lambda text: float(text.split()[0])) and len(titles) == 3
-
-
-def test_bars_are_in_the_rows_of_their_footprints():
-    result = of_warehouse()
-    _, rows, *_ = draw_picture(result).axes
-    bars = {rows.get_yticklabels()[round(patch.get_y() + patch.get_height() / 2)].get_text():
-            (patch.get_x(), patch.get_x() + patch.get_width()) for patch in rows.patches
-            if isinstance(patch, Rectangle) and to_hex(patch.get_facecolor()) == RED}
-    assert bars == {contact.footprint: pytest.approx(
-        (result.since(contact.first), result.since(contact.last))) for contact in result.contacts}
 
 
 def test_overlapping_bars_have_their_own_rows(tmp_path):

@@ -431,6 +431,7 @@ def test_texts_have_contrast(page, tmp_path, scheme):
     names = [f'robot{k}' for k in range(8)]
     result.footprints = [FootprintResult(name, '/a', True) for name in names]
     result.unknown = [Unknown('robot0', 0, 3 * 10**9, ('lost',))]
+    result.undetermined = [Unknown('robot2', 0, 10**9, ('a gap',))]
     result.contacts = [Contact('robot1', 'shelf/0', 10**9, 3 * 10**9, 0.1, 10**9, 0.0, 0.0)]
     result.keyframes = Keyframes([0, 4 * 10**9])
     write_page([result], tmp_path / 'page.html')
@@ -443,6 +444,11 @@ def test_texts_have_contrast(page, tmp_path, scheme):
             found = shown.chromium.execute_script(CONTRASTS)
             assert {'unknown', 'shelf/0', *names} <= {text.strip() for _, text in found}
             assert [one for one in found if one[0] < 4.5] == []
+        assert shown.chromium.execute_script("""
+            return [...document.querySelectorAll('#timeline .bar title')].map(
+                one => one.textContent);""") == [
+            'unknown from 0.000 to 3.000 s', 'robot1 and shelf/0, 0.1 m deep',
+            'undetermined from 0.000 to 1.000 s']
     finally:
         device(shown.chromium, 0, 0)
 

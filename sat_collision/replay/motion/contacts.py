@@ -12,7 +12,6 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections import deque
 from collections.abc import Iterable, Iterator
 from math import inf, isnan
 from operator import itemgetter
@@ -44,8 +43,6 @@ class ContactTracker:
     """
 
     def __init__(self, trajectory: Trajectory, contacts: ContactResults, margin: float) -> None:
-        # Steps to be decided once the trajectory is known.
-        self.waiting: deque[Step] = deque()
         # Whether footprint and source were ever known at the same time.
         self.decided = False
         # The times in which the vertices of a moving body made no valid polygon.

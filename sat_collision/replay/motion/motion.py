@@ -61,6 +61,8 @@ class Sweep:
         self.prediction = (None if horizon is None
                            else Predictor(settings, self.trajectory, horizon, margin))
         self._contact_trackers: dict[Tracker, ContactTracker] = {}
+        # Steps to be decided once the trajectory is known.
+        self._waiting: deque[tuple[ContactTracker, Step]] = deque()
 
     def describe(self, placements: Sequence[Placement]) -> list[Bodies]:
         """Return the samples that are about to be placed."""
@@ -95,10 +97,8 @@ class Sweep:
                 return
             one = self._contact_trackers[tracker] = ContactTracker(
                 self.trajectory, self.contacts, self._margin)
-        one.waiting.append(step)
-        known = self._known_until(now)
-        if one.waiting[0].finish <= known:
-            self._decide_until(known)
+        self._waiting.append((one, step))
+        self._decide_until(self._known_until(now))
 
     def advance(self, now: int) -> None:
         """Decide the steps that can be decided, and drop data that is no longer needed."""
@@ -109,26 +109,24 @@ class Sweep:
                 self.prediction.drop_before(self.trajectory.latest - self._keep)
 
     def _decide_until(self, known: int) -> None:
-        for one in self._contact_trackers.values():
-            while one.waiting and one.waiting[0].finish <= known:
-                self.trajectory.stand(one.waiting[0].finish)
-                self._decide(one)
+        while self._waiting and (finish := self._waiting[0][1].finish) <= known:
+            self.trajectory.stand(finish)
+            self._decide()
 
     def use_frame(self, frame_id: str) -> None:
         """Drop the queued steps in other frames."""
-        for one in self._contact_trackers.values():
-            one.waiting = deque(step for step in one.waiting if step.frame_id == frame_id)
+        self._waiting = deque(one for one in self._waiting if one[1].frame_id == frame_id)
 
     def finish(self, end: int) -> None:
         """Decide all that is left."""
         self.trajectory.stand(end)
+        while self._waiting:
+            self._decide()
         for one in self._contact_trackers.values():
-            while one.waiting:
-                self._decide(one)
             one.finish()
 
-    def _decide(self, one: ContactTracker) -> None:
-        step = one.waiting.popleft()
+    def _decide(self) -> None:
+        one, step = self._waiting.popleft()
         one.decide(step)
         if self.prediction:
             self.prediction.look_ahead(step)

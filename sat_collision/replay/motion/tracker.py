@@ -71,6 +71,8 @@ class Step:
 
 # A set, and how many messages it was made from.
 Described: TypeAlias = tuple[Bodies, int]
+# For bodies that stand still, until when each of the rows does.
+Standing: TypeAlias = defaultdict[Bodies, dict[int, int]]
 Emit: TypeAlias = 'Callable[[Tracker, Step], None]'
 
 
@@ -189,16 +191,11 @@ class SetTracker(Tracker):
         if self._listing or last is None or seen is None or not self._alive or not (
                 is_over or now > self._last_stamp + self._longest):
             return
-        alive = self._alive
-        stamps, seen_at = last.stamps.tolist(), seen.stamps.tolist()
-        ends = {row: round(min(now, seen_at[row] + self._timeout)) for row in alive}
-        until = {row: end for row, end in ends.items() if end > stamps[row]}
-        left = dict.fromkeys(row for row in until if seen_at[row] + self._timeout > now)
-        self._emit(self, Step([stay(last, until)] if until else [], None,
-                              [last.names[row] for row in alive if row not in left],
-                              max(until.values(), default=self._last_stamp)))
-        self._alive = [*left]
-        self._last = last.at([now if row in left else stamp for row, stamp in enumerate(stamps)])
+        left = {row for row in self._alive if seen.stamps[row] + self._timeout > now}
+        self._hold(last, seen, self._alive, now, left)
+        self._alive = sorted(left)
+        self._last = last.at([now if row in left else stamp
+                              for row, stamp in enumerate(last.stamps.tolist())])
         self._last_stamp = now
 
     def _close(self, is_whole: bool = True, held: int = 0) -> None:
@@ -240,13 +237,14 @@ class SetTracker(Tracker):
         self._since = self._last_stamp = stamp
         self._alive = range(len(seen))
 
-    def _hold(self, last: Bodies, seen: Bodies, rows: Sequence[int], until: int) -> None:
-        """Let bodies of the last set stand until a time or their timeout, and then be gone."""
+    def _hold(self, last: Bodies, seen: Bodies, rows: Sequence[int], until: int,
+              left: Set[int] = frozenset()) -> None:
+        """Let bodies of the last set stand until a time or their timeout; all but some then go."""
         ends = {row: round(min(until, seen.stamps[row] + self._timeout)) for row in rows}
         standing = {row: end for row, end in ends.items() if end > last.stamps[row]}
-        if standing:
-            self._emit(self, Step([stay(last, standing)], None,
-                                  [last.names[row] for row in standing], max(standing.values())))
+        self._emit(self, Step([stay(last, standing)] if standing else [], None,
+                              [last.names[row] for row in rows if row not in left],
+                              max(standing.values(), default=self._last_stamp)))
 
     def _take_set(self) -> Bodies:
         """Return the received set; of identical bodies the last message counts."""
@@ -386,8 +384,7 @@ class KeyTracker(Tracker):
         They are gone where they are replaced, or a message is stamped a timeout after them; the
         stamps of those since the last call are given in order.
         """
-        standing: defaultdict[int, dict[int, int]] = defaultdict(dict)
-        found: dict[int, Bodies] = {}
+        standing: Standing = defaultdict(dict)
         gone = []
         items = self._seen.items()
         old = takewhile(lambda item: item[1].seen_at < now - least, items)
@@ -401,8 +398,7 @@ class KeyTracker(Tracker):
                 continue
             end = round(min(now, over))
             if end > stamp:
-                found[id(bodies)] = bodies
-                standing[id(bodies)][row] = end
+                standing[bodies][row] = end
             if name.number > 0 and not listing and (is_forgotten or is_over):
                 # The first new one since may be the same, elsewhere.
                 k = bisect_right(self._appeared, seen_at)
@@ -411,13 +407,13 @@ class KeyTracker(Tracker):
             if is_forgotten:
                 gone.append(name)
                 del self._seen[name]
-        if gone or standing:
-            motions = [stay(found[key], until) for key, until in standing.items()]
-            self._emit(self, Step(motions, None, gone, max(
-                (end for until in standing.values() for end in until.values()), default=now)))
-        for key, until in standing.items():
-            rested = found[key].at([until.get(row, stamp)
-                                    for row, stamp in enumerate(found[key].stamps.tolist())])
+        motions = [stay(*one) for one in standing.items()]
+        if gone or motions:
+            self._emit(self, Step(motions, None, gone,
+                                  max((motion.end for motion in motions), default=now)))
+        for bodies, until in standing.items():
+            rested = bodies.at([until.get(row, stamp)
+                                for row, stamp in enumerate(bodies.stamps.tolist())])
             for row, end in until.items():
                 name = rested.names[row]
                 if name in self._seen:
@@ -445,21 +441,19 @@ class KeyTracker(Tracker):
             return
         placements = [*pending.values()]
         seen = self._bodies([*pending], placements, SetBatch([placements]))
-        followed: defaultdict[int, list[tuple[int, int]]] = defaultdict(list)
-        standing: defaultdict[int, dict[int, int]] = defaultdict(dict)
-        found: dict[int, Bodies] = {}
+        followed: defaultdict[Bodies, list[tuple[int, int]]] = defaultdict(list)
+        standing: Standing = defaultdict(dict)
         for row, (name, one, stamp) in enumerate(
                 zip(seen.names, placements, seen.stamps.tolist())):
             last = self._seen.pop(name, None)
             if last is not None:
-                found[id(last.bodies)] = last.bodies
                 if 0 < stamp - last.seen_at <= self._longest and (
                         last.bodies.rings[last.row, COUNT] == seen.rings[row, COUNT]):
-                    followed[id(last.bodies)].append((last.row, row))
+                    followed[last.bodies].append((last.row, row))
                 else:
                     over = round(min(stamp, last.seen_at + self._timeout))
                     if last.stamp < over:
-                        standing[id(last.bodies)][last.row] = over
+                        standing[last.bodies][last.row] = over
                     if last.seen_at < stamp and not np.array_equal(
                             last.bodies.ring(last.row), seen.ring(row)):
                         self._miss(last.seen_at, stamp)
@@ -470,9 +464,8 @@ class KeyTracker(Tracker):
         for name in self._beside.difference(pending):
             newer, last = pending.get(name._replace(number=0)), self._seen.get(name)
             if newer and last and newer.stamp > last.seen_at:
-                found[id(last.bodies)] = last.bodies
                 if last.stamp < newer.stamp:
-                    standing[id(last.bodies)][last.row] = newer.stamp
+                    standing[last.bodies][last.row] = newer.stamp
                 gone.append(name)
                 del self._seen[name]
         self._beside &= self._seen.keys()
@@ -480,9 +473,7 @@ class KeyTracker(Tracker):
         if self._appeared and self._timeout < NEVER:
             # Of no use for bodies that are still there.
             del self._appeared[:bisect_right(self._appeared, seen.begin - 3 * self._timeout)]
-        motions = [stay(found[key], until) for key, until in standing.items()]
-        for key, pairs in followed.items():
-            rows, next_rows = np.array(pairs, np.int64).T
-            motions.append(motion_between(found[key], seen, np.ascontiguousarray(rows),
-                                          np.ascontiguousarray(next_rows)))
+        motions = [stay(*one) for one in standing.items()]
+        motions += [motion_between(last_bodies, seen, *np.array([*zip(*pairs)], np.int64))
+                    for last_bodies, pairs in followed.items()]
         self._emit(self, Step(motions, seen, gone, seen.end))

@@ -421,22 +421,6 @@ def test_footprint_sent_again_counts_once(tmp_path, again, contacts, turned):
         one.last - one.first for one in result.contacts)
 
 
-@pytest.mark.parametrize('first, second', [(5.0, 0.5), (0.5, 5.0), (0.5, 0.5)])
-def test_both_places_of_an_id_count_until_its_next_stamp(tmp_path, first, second):
-    """One of two with a stamp is linked to the next, the other stands until then, as live."""
-    places = [(k / 10 + 0.03, 5.0) for k in range(30)]
-    places[10:11] = [(1.03, first), (1.03, second)]
-    messages = samples([0.0] * 30) + [
-        ('/tracks', time + 0.001 * (k == 11), serialised(
-            box(x), START + round(time * SECOND), instance=1))
-        for k, (time, x) in enumerate(places)]
-    result = run(tmp_path, messages, None)
-    assert [since(result, one.first, one.last) for one in result.contacts] == [pytest.approx(
-        [1.03 if first > 1 else 1.03 - 0.1 / 9, 1.13 if second < 1 else 1.03 + 0.1 / 9])]
-    assert all(any(one.first <= contact.first <= one.last for one in result.contacts)
-               for contact in run_again(tmp_path, as_live=True).contacts)
-
-
 def test_obstacle_in_another_frame_is_no_contact(tmp_path):
     """Even if it is received before the footprint's frame is known."""
     messages = [('/obstacles', 0.0, serialised(box(0), START, 'odom')),
@@ -493,32 +477,6 @@ def test_polygon_that_may_have_moved_is_undetermined(tmp_path, moves):
     assert result.verdict is (Verdict.UNKNOWN if moves else Verdict.CLEAR)
 
 
-def test_id_is_linked_though_a_message_shortly_after_it_is_later_than_its_timeout(tmp_path):
-    """One passes the robot between two messages; another one comes 70 ms after the second."""
-    messages = samples([0.0] * 20) + [
-        ('/tracks', time, serialised(box(x), START + round(time * SECOND), instance=instance))
-        for time, x, instance in [(0.0, -5.0, 1), (0.0, 9.0, 2), (0.45, 5.0, 1), (0.52, 9.0, 2),
-                                  (0.9, 5.0, 1), (0.97, 9.0, 2)]]
-    result = run(tmp_path, sorted(messages, key=itemgetter(1)), None,
-                 parameters={'tracks.timeout': 0.5})
-    contact, = result.contacts
-    assert since(result, contact.first, contact.last) == pytest.approx([0.18, 0.27])
-
-
-def test_curve_is_of_all_ids_however_they_are_sent(tmp_path):
-    """One at 2 m comes twice a second, another at 5 m ten times, for some time with it."""
-    messages = samples([0.0] * 40)
-    for k in range(40):
-        stamp = START + k * SECOND // 10
-        messages.append(('/tracks', k / 10, serialised(box(6.0), stamp, instance=1)))
-        if k % 5 == 0 or k < 10:
-            messages.append(('/tracks', k / 10, serialised(box(3.0), stamp, instance=2)))
-    result = run(tmp_path, messages, None, parameters={'tracks.timeout': 1.0})
-    footprint, = result.footprints
-    assert {value for _, value in footprint.separation if value is not None} == {2.0}
-    assert len(footprint.separation) > 35
-
-
 def test_time_after_the_last_footprint_is_undetermined(tmp_path):
     """It is not clear, and does not fail the check as long as the footprint is not silent."""
     result = run(tmp_path, samples([0.0] * 20) + samples([5.0] * 24, '/obstacles'))
@@ -526,33 +484,6 @@ def test_time_after_the_last_footprint_is_undetermined(tmp_path):
     assert result.verdict is Verdict.CLEAR
     assert footprint.undetermined == pytest.approx(0.4 * SECOND)
     assert footprint.clear == footprint.last - result.start - footprint.unknown
-
-
-def test_ids_are_matched_when_they_cross(tmp_path):
-    """Each touches the robot once."""
-    messages = samples([0] * 30)
-    for k in range(30):
-        for name, x in ((7, k - 10), (8, 18 - k)):
-            stamp = START + k * SECOND // 10 + name * 10**6
-            messages.append(('/tracks', k / 10 + 0.009, serialised(box(x), stamp, instance=name)))
-    result = run(tmp_path, messages, None)
-    found = {contact.obstacle: since(result, contact.first, contact.last)
-             for contact in result.contacts}
-    assert found == {'tracks/7': pytest.approx([0.907, 1.107], abs=1e-6),
-                     'tracks/8': pytest.approx([1.708, 1.908], abs=1e-6)}
-
-
-def test_obstacle_at_rest_with_an_id_is_one_contact(tmp_path):
-    """The robot drives past, and both are sent 16 times per second."""
-    messages = []
-    for k in range(128):
-        time = k / 16
-        messages += [at(time, box(1.5 * time), 0.01, '/footprint'),
-                     ('/tracks', time + 0.02, serialised(
-                         box(6 + 1 / 64, 0.25, 0.25), START + round(time * SECOND), instance=1))]
-    contact, = run(tmp_path, messages, None).contacts
-    assert [(time - START) / SECOND for time in (contact.first, contact.last)] == pytest.approx(
-        [(5 + 1 / 64) / 1.5, (6 + 1 / 64 + 0.25) / 1.5], abs=1e-5)
 
 
 @pytest.mark.parametrize('delay', (0.15, 0.5, 5.0))

@@ -1,0 +1,75 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Contacts in recorded motion with obstacles that have ids."""
+
+from builders import SECOND, serialised
+import pytest
+from recordings import box, START
+from test_replay_motion import at, run, run_again, samples, since
+
+
+def track(time, number, x, delay=0.0, **place):
+    """Return where an id is at a time, received later."""
+    return '/tracks', time + delay, serialised(
+        box(x, **place), START + round(time * SECOND), instance=number)
+
+
+@pytest.mark.parametrize('first, second', [(5.0, 0.5), (0.5, 5.0), (0.5, 0.5)])
+def test_both_places_of_an_id_count_until_its_next_stamp(tmp_path, first, second):
+    """One of two with a stamp is linked to the next, the other stands until then, as live."""
+    messages = samples([0.0] * 30) + [track(k / 10 + 0.03, 1, first if k == 10 else 5.0)
+                                      for k in range(30)] + [track(1.03, 1, second, 0.001)]
+    result = run(tmp_path, messages, None)
+    assert [since(result, one.first, one.last) for one in result.contacts] == [pytest.approx(
+        [1.03 if first > 1 else 1.03 - 0.1 / 9, 1.13 if second < 1 else 1.03 + 0.1 / 9])]
+    assert not any(one.at_end for one in result.contacts)
+    assert all(any(one.first <= contact.first <= one.last for one in result.contacts)
+               for contact in run_again(tmp_path, as_live=True).contacts)
+
+
+def test_id_is_linked_though_a_message_shortly_after_it_is_later_than_its_timeout(tmp_path):
+    """One passes the robot between two messages; another one comes 70 ms after the second."""
+    messages = samples([0.0] * 20) + [track(*one) for one in (
+        (0.0, 1, -5.0), (0.0, 2, 9.0), (0.45, 1, 5.0), (0.52, 2, 9.0), (0.9, 1, 5.0),
+        (0.97, 2, 9.0))]
+    contact, = (result := run(tmp_path, messages, None, parameters={
+        'tracks.timeout': 0.5})).contacts
+    assert since(result, contact.first, contact.last) == pytest.approx([0.18, 0.27])
+
+
+def test_curve_is_of_all_ids_however_they_are_sent(tmp_path):
+    """One at 2 m comes twice a second, another at 5 m ten times, for some time with it."""
+    messages = samples([0.0] * 40) + [track(k / 10, 1, 6.0) for k in range(40)] + [
+        track(k / 10, 2, 3.0) for k in range(40) if k % 5 == 0 or k < 10]
+    footprint, = run(tmp_path, messages, None, parameters={'tracks.timeout': 1.0}).footprints
+    assert {value for _, value in footprint.separation if value is not None} == {2.0}
+    assert len(footprint.separation) > 35
+
+
+def test_ids_are_matched_when_they_cross(tmp_path):
+    """Each touches the robot once."""
+    messages = samples([0] * 30) + [
+        track(k / 10 + 0.001 * number, number, x, 0.009 - 0.001 * number)
+        for k in range(30) for number, x in ((7, k - 10), (8, 18 - k))]
+    result = run(tmp_path, messages, None)
+    found = {contact.obstacle: since(result, contact.first, contact.last)
+             for contact in result.contacts}
+    assert found == {'tracks/7': pytest.approx([0.907, 1.107], abs=1e-6),
+                     'tracks/8': pytest.approx([1.708, 1.908], abs=1e-6)}
+
+
+def test_obstacle_at_rest_with_an_id_is_one_contact(tmp_path):
+    """The robot drives past, and both are sent 16 times per second."""
+    messages = [message for k in range(128) for message in (
+        at(k / 16, box(1.5 * k / 16), 0.01, '/footprint'),
+        track(k / 16, 1, 6 + 1 / 64, 0.02, y=0.25, size=0.25))]
+    contact, = run(tmp_path, messages, None).contacts
+    assert [(time - START) / SECOND for time in (contact.first, contact.last)] == pytest.approx(
+        [(5 + 1 / 64) / 1.5, (6 + 1 / 64 + 0.25) / 1.5], abs=1e-5)

@@ -271,7 +271,8 @@ def compare(seed, form, path):
     return seen
 
 
-@pytest.mark.parametrize('first', range(0, 200, 50))
+@pytest.mark.parametrize('first', [
+    0, 50, *(pytest.param(first, marks=pytest.mark.long) for first in (100, 150))])
 @pytest.mark.parametrize('form', FORMS)
 def test_recordings_agree_with_the_oracle(tmp_path, form, first):
     """Contacts, undetermined and clear times of random recordings (I2, I3)."""

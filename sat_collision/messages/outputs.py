@@ -201,6 +201,7 @@ class Outputs:
                 self._states.write(
                     name, scene.state(name), coordinate_step(scene.polygon(name)), prediction)
                 self._states.write_moving(name, scene, nearest, prediction)
+                self._states.pack(name)
             if is_named and self.measures and name in self._clouded:
                 self._clouds[name].publish(contact_cloud(scene, name, stamp))
             yield
@@ -228,6 +229,7 @@ class Outputs:
         state = State(Status.UNKNOWN, (), (reason,), None)
         for name in self._flags:
             states.write(name, state, 0.0)
+            states.pack(name)
         if self._state_publisher.get_subscription_count():
             self._state_publisher.publish(states.message(self._clock.now().to_msg()))
         return states.statuses

@@ -11,11 +11,13 @@
 
 from __future__ import annotations
 
+import struct
 from typing import Any
 
 import numpy as np
 from sat_collision.geometry.body.polygon import Polygon
-from sat_collision.messages.interfaces import DiagnosticArray, DiagnosticStatus, KeyValue
+from sat_collision.messages.interfaces import (
+    DiagnosticArray, DiagnosticStatus, KeyValue, serialize)
 from sat_collision.scene.footprints import State, Status
 from sat_collision.scene.frames import in_words as name_in_words
 from sat_collision.scene.prediction import Prediction
@@ -68,7 +70,7 @@ class States:
         self._statuses = {one.name: DiagnosticStatus(
             name=f'{node_name}: {one.name}', hardware_id=one.topic,
             values=[KeyValue(key=key) for key in keys]) for one in settings.footprints}
-        self._message = DiagnosticArray(status=list(self._statuses.values()))
+        self._packed = dict.fromkeys(self._statuses, b'')
 
     def update(self, scene: Scene) -> None:
         """Write the states of all footprints."""
@@ -130,8 +132,20 @@ class States:
     @property
     def statuses(self) -> list[Any]:
         """The statuses, in the order of the settings."""
-        return list(self._message.status)
+        return list(self._statuses.values())
 
-    def message(self, stamp: Any) -> Any:
-        self._message.header.stamp = stamp
-        return self._message
+    def pack(self, name: str) -> None:
+        """Serialise the status of a footprint: all of them at once would hold up flags."""
+        self._packed[name] = bytes(serialize(self._statuses[name]))
+
+    def message(self, stamp: Any) -> bytes:
+        """Return the serialised message of all statuses, each as it was packed."""
+        head = DiagnosticArray()
+        head.header.stamp = stamp
+        data = bytearray(serialize(head))
+        data[-4:] = struct.pack('<I', len(self._packed))
+        for packed in self._packed.values():
+            # The level is a byte at any place; what follows is aligned to four.
+            level, rest = packed[4:5], packed[8:]
+            data += level + bytes(-(len(data) + 1) % 4) + rest
+        return bytes(data)

@@ -119,7 +119,7 @@ class FootprintMonitor(Node):
         self._reports_unknown_at = time.monotonic() + _STARTED
         self._advised: set[str] = set()
         self._now = 0
-        self._ticked = self._draws_at = 0.0
+        self._ticked = self._tick_ended = self._draws_at = 0.0
         # What messages come before: what is left of it, and what is to be done after that.
         self._parts: Iterator[None] = iter(())
         self._looks_ahead = self._checks_paths = False
@@ -242,8 +242,11 @@ class FootprintMonitor(Node):
 
     def due(self, now: int, steady: float) -> float:
         until = (self._monitor.deadline - now) / 1e9
-        return min(max(steady + until, self._ticked + _SHORTEST_TICK),
-                   self._ticked + self._tick_period)
+        due = min(max(steady + until, self._ticked + _SHORTEST_TICK),
+                  self._ticked + self._tick_period)
+        # Ticks that take long leave time between them, for what comes after flags, too.
+        taken = self._tick_ended - self._ticked
+        return max(due, self._tick_ended + min(taken, self._tick_period / 2.0))
 
     def tick(self, now: int) -> None:
         self._ticked = steady = time.monotonic()
@@ -272,6 +275,7 @@ class FootprintMonitor(Node):
                 if name not in self._advised:
                     self._advised.add(name)
                     self.get_logger().info(advice)
+        self._tick_ended = time.monotonic()
 
     def _publish_markers(self) -> None:
         """Publish the markers; drawing them takes no more than a tenth of the time."""

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 from sat_collision import Polygon
 from sat_collision.geometry.overlap import clip, contact_marks
-from sat_collision.messages.interfaces import deserialize, Marker, PointCloud2, serialize, Time
+from sat_collision.messages.interfaces import (
+    deserialize, DiagnosticArray, Marker, PointCloud2, serialize, Time)
 from sat_collision.messages.markers import Markers, MAX_DRAWN
 from sat_collision.messages.outputs import contact_cloud, MAX_CONTACTS
 from sat_collision.messages.states import coordinate_step, in_words, States
@@ -83,6 +84,19 @@ def test_state_says_of_each_source_how_it_is_known_and_how_to_be_rid_of_a_trail(
         'collision', '2 polygons of the last 60 s, by timeout; obstacles of source map are '
         'released only 60 s after they were last sent: to release them at once, send an empty '
         'polygon after the last one of each set, and set map.set_end: empty_polygon')
+
+
+def test_states_packed_one_by_one_are_one_message():
+    """Whatever the lengths of their texts."""
+    names = ['r', 'ro', 'rob', 'robo', 'robot']
+    states = States('/node', Settings(
+        footprints=tuple(FootprintSettings(name, '/' + name) for name in names), obstacles=()))
+    for k, name in enumerate(names):
+        states.write(name, collision(k, 'e' * k), 0.0)
+        states.pack(name)
+    message = deserialize(states.message(Time(sec=5, nanosec=6)), DiagnosticArray)
+    assert (message.header.stamp, list(message.status)) == (
+        Time(sec=5, nanosec=6), states.statuses)
 
 
 def cloud_of(bodies, margin=0.0):

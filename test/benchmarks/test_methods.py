@@ -70,10 +70,11 @@ def all_answers(count, n):
     return found
 
 
+@pytest.mark.parametrize('count', [150, pytest.param(300, marks=pytest.mark.long)])
 @pytest.mark.parametrize('n', [3, 24])
 @pytest.mark.parametrize('name', families.CONVEX)
-def test_filtered_orientations_are_never_wrong(name, n):
-    pairs = pairs_of(name, 150, n)
+def test_filtered_orientations_are_never_wrong(name, n, count):
+    pairs = pairs_of(name, count, n)
     np.testing.assert_array_equal(answers('filtered', pairs), oracle.intersects_pairs(pairs)[0])
 
 

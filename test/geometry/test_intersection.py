@@ -53,10 +53,11 @@ def test_answers_agree_with_the_oracle(name, n):
     assert [intersects(p, q) for p, q in pairs[:50]] == truth[:50].tolist()
 
 
+@pytest.mark.parametrize('count', [8, pytest.param(20, marks=pytest.mark.long)])
 @pytest.mark.parametrize('n', [256, 1024])
 @pytest.mark.parametrize('name', ['many_sided', 'hair_gaps', 'flat_arcs', 'float32_round_trip'])
-def test_bodies_with_many_vertices(name, n):
-    pairs = pairs_of(name, 8, n)
+def test_bodies_with_many_vertices(name, n, count):
+    pairs = pairs_of(name, count, n)
     np.testing.assert_array_equal(bulk(pairs), oracle.intersects_pairs(pairs)[0])
 
 

@@ -259,15 +259,16 @@ def test_foreign_bytes_are_refused(kind, data):
 
 
 @EVERY_KIND
-def test_damaged_bytes_are_refused_or_read_as_the_reference_does(kind):
+@pytest.mark.parametrize('count', [1000, pytest.param(3000, marks=pytest.mark.long)])
+def test_damaged_bytes_are_refused_or_read_as_the_reference_does(kind, count):
     random = np.random.default_rng(5)
     messages = []
-    for _ in range(1000):
+    for _ in range(count):
         damaged = bytearray(kind.good())
         for at in random.integers(len(damaged), size=random.integers(1, 4)):
             damaged[at] = random.integers(256)
         messages.append(bytes(damaged))
-    assert 100 < accepted(kind, messages) < 983
+    assert count / 10 < accepted(kind, messages) < 0.98 * count
 
 
 @EVERY_KIND

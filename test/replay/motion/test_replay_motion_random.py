@@ -63,13 +63,14 @@ def distance(a, b, stamp):
     return geometry(a.at(stamp)).distance(geometry(b.at(stamp)))
 
 
-def test_bodies_with_ids_against_dense_samples(tmp_path):
+@pytest.mark.parametrize('samples', [500, pytest.param(2000, marks=pytest.mark.long)])
+def test_bodies_with_ids_against_dense_samples(tmp_path, samples):
     """
     A sample in contact lies within a contact found, whose ends both touch.
 
     Footprint and obstacles have their own stamps and arrive in another order.
     """
-    assert sum(compared(tmp_path / str(seed), seed) for seed in range(12)) > 12
+    assert sum(compared(tmp_path / str(seed), seed, samples) for seed in range(12)) > 12
 
 
 @pytest.mark.parametrize('seed', range(6))
@@ -102,7 +103,7 @@ def check_manifold(contact, own, other):
         assert geometry(moved).distance(geometry(other)) > 0.0
 
 
-def compared(path, seed):
+def compared(path, seed, samples):
     """Compare the contacts of a random recording; return how many there are."""
     rng = np.random.default_rng(seed)
     duration = 4.0
@@ -121,7 +122,7 @@ def compared(path, seed):
         last = min(robot.stamps[-1], other.stamps[-1])
         found = [contact for contact in result.contacts if contact.obstacle == f'tracks/{k}']
         met += len(found)
-        for stamp in np.linspace(first, last, 500).astype(np.int64):
+        for stamp in np.linspace(first, last, samples).astype(np.int64):
             gap = distance(robot, other, stamp)
             inside = any(contact.first <= stamp <= contact.last for contact in found)
             assert gap > 0.0 or inside, (k, stamp)

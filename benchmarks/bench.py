@@ -23,10 +23,12 @@ from _shared import describe, duration, ROOT, table, table_of
 import node
 from page_parts import with_tables
 import plans
+import replay
 import scene
 
 PACKAGES = 'numpy', 'numba', 'shapely', 'rclpy'
-PARTS = 'kernel', 'scene', 'maps', 'plans', 'node', 'whole_sets', 'frames', 'startup'
+PARTS = ('kernel', 'scene', 'maps', 'plans', 'node', 'whole_sets', 'frames', 'startup', 'replay',
+         'damaged')
 PLOTS = {'kernel': scene.plot, 'node': node.plot}
 _KERNELS = {'monitor': 'numba', 'plain': 'plain Python'}
 
@@ -65,7 +67,9 @@ def measure(quick, parts):
         'whole_sets': lambda: node.measure_whole_sets(seconds, repeats),
         'frames': lambda: {**node.measure_frames(seconds, repeats),
                            'other_frame': scene.measure_other_frame(5 * repeats)},
-        'startup': lambda: node.measure_startup(repeats)}
+        'startup': lambda: node.measure_startup(repeats),
+        'replay': lambda: replay.measure(*((20_000, 1) if quick else (200_000, 3))),
+        'damaged': lambda: replay.measure_damaged(5 if quick else 100)}
     # Parts measured later leave the line of the machine as it is.
     figures = {'machine': describe(*PACKAGES)} if parts == PARTS else {}
     with node.ros():
@@ -158,7 +162,15 @@ TABLES = {
         'vertices': '{vertices}', 'bytes an obstacle': '{scene:,.0f}'}),
     'start-up': lambda figures: table_of([figures['startup']], {
         'first start': '{cold_s:.1f} s', 'later starts': '{warm_s:.1f} s',
-        'empty rclpy node': '{floor_s:.1f} s'})}
+        'empty rclpy node': '{floor_s:.1f} s'}),
+    'replay': lambda figures: table_of(figures['replay'], {
+        'storage': '{storage}', 'obstacles': '{obstacles}', 'reading': '{reading_us:.1f}',
+        'reading and decoding': '{decoding_us:.1f}', 'checked as live': '{live_us:.1f}',
+        'and between messages': '{motion_us:.1f}',
+        'decoding, times as live': lambda one: f'{one["decoding_us"] / one["live_us"]:.2f}',
+        'times between messages': lambda one: f'{one["decoding_us"] / one["motion_us"]:.2f}'}),
+    'damaged': lambda figures: table_of([figures['damaged']], {
+        name: f'{{{name}:.0%}}' for name in ('sat_collision', 'rosbags', 'mcap')})}
 
 
 if __name__ == '__main__':

@@ -6,84 +6,170 @@
 # writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
-"""
-How fast recordings are checked, as live and by recorded motion, beside reading with rosbags.
 
-The recording has a robot that drives among obstacles: a set of polygons ten times a second. All
-figures are processor time of one process, the least of some runs, in turn.
+"""
+How fast recordings are checked beside reading them, and what is found in damaged ones.
+
+The recording of the first has a robot that drives among obstacles, a set of polygons ten times a
+second; figures are processor time. That of the second has a robot that an obstacle touches again
+and again; it is damaged at random, and the same check counts the contacts in what each library
+reads until its first error.
 """
 
-import argparse
+from collections.abc import Iterator
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
+import random
 import tempfile
 import time
 
 import _shared  # noqa: F401
 from builders import serialised
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer as McapWriter
 import numpy as np
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
-from sat_collision.geometry.compiled.jit import KERNEL
 from sat_collision.messages.rosbags_interfaces import STORE
 from sat_collision.replay.check import check
 from sat_collision.replay.model.result import Options
 import shapes
 
+SIZES = 10, 100
+STORAGES = 'MCAP', 'SQLITE3'
 _START = 1_700_000_000 * 10**9
+_SECOND = 10**9
 _KIND = 'geometry_msgs/msg/PolygonStamped'
 _TOPICS = '/footprint', '/obstacles'
 _PARAMETERS = {'obstacle.set_end': 'new_stamp'}
+_ROBOT = np.array([(-0.5, -0.4), (0.9, -0.4), (0.9, 0.4), (-0.5, 0.4)])
+# Bytes of a chunk of the recordings that are damaged, which have many as long recordings do.
+_CHUNK = 20_000
+# An obstacle touches the robot in the first half of each.
+_PERIOD = 2 * _SECOND
 
 
-def write(path, messages, per_set, storage):
-    """Write a recording: boxes and other convex polygons, one set in 0.1 s."""
+def measure(messages, runs):
+    """Return the µs a message of reading and decoding with rosbags, and of checking."""
+    return [_measure(storage, size, messages, runs) for storage in STORAGES for size in SIZES]
+
+
+def _measure(storage, size, messages, runs):
+    tasks = {'reading_us': _read_all, 'decoding_us': partial(_read_all, decode=True),
+             'live_us': partial(check, options=Options(_PARAMETERS, as_live=True)),
+             'motion_us': partial(check, options=Options(_PARAMETERS))}
+    least = dict.fromkeys(tasks, float('inf'))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, 'drive')
+        count = _write_drive(path, storage, size, messages)
+        for _ in range(runs):
+            for name, task in tasks.items():
+                begun = time.process_time()
+                task(path)
+                least[name] = min(least[name], time.process_time() - begun)
+    return {'storage': storage, 'obstacles': size,
+            **{name: 1e6 * seconds / count for name, seconds in least.items()}}
+
+
+def _write_drive(path, storage, size, messages):
+    """Write a robot among boxes and other convex polygons, and return the number of messages."""
     rng = np.random.default_rng(0)
     outlines = [rng.uniform(3, 40) * np.array([np.cos(k), np.sin(k)]) + rng.uniform(0.3, 2.0)
-                * shapes.regular(rng, 1, 4 + k % 8)[0] for k in range(per_set)]
-    robot = np.array([(-0.5, -0.4), (0.9, -0.4), (0.9, 0.4), (-0.5, 0.4)])
+                * shapes.regular(rng, 1, 4 + k % 8)[0] for k in range(size)]
+    frames = messages // (size + 1)
     with Writer(path, version=9, storage_plugin=StoragePlugin[storage]) as writer:
         footprint, obstacles = (writer.add_connection(topic, _KIND, typestore=STORE)
                                 for topic in _TOPICS)
-        for frame in range(messages // (per_set + 1)):
-            stamp = _START + frame * 10**8
+        for frame in range(frames):
+            stamp = _START + frame * _SECOND // 10
             drift = np.array([np.sin(frame / 300), np.cos(frame / 300)])
-            writer.write(footprint, stamp, serialised(robot + 2 * drift, stamp))
+            writer.write(footprint, stamp, serialised(_ROBOT + 2 * drift, stamp))
             for k, outline in enumerate(outlines):
                 writer.write(obstacles, stamp + k + 1, serialised(outline + 0.1 * drift, stamp))
+    return frames * (size + 1)
 
 
-def iterate(path):
-    """Read every message, and nothing else."""
+def _read_all(path, decode=False):
     with Reader(path) as reader:
-        return sum(1 for _ in reader.messages(
-            [connection for connection in reader.connections if connection.topic in _TOPICS]))
+        for _, _, data in reader.messages():
+            if decode:
+                STORE.deserialize_cdr(data, _KIND)
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--messages', type=int, default=200_000)
-    parser.add_argument('--per-set', type=int, default=20)
-    parser.add_argument('--runs', type=int, default=3)
-    options = parser.parse_args()
-    print(f'{KERNEL}; {options.messages} messages, {options.per_set} obstacles a set')
+def measure_damaged(recordings):
+    """Return the share of contacts found in damaged recordings, by what reads them."""
+    rng = random.Random(1)
+    found = {'sat_collision': 0, 'rosbags': 0, 'mcap': 0}
     with tempfile.TemporaryDirectory() as folder:
-        for storage in ('MCAP', 'SQLITE3'):
-            path = Path(folder, storage)
-            write(path, options.messages, options.per_set, storage)
-            tasks = {'iterate': iterate,
-                     **{name: lambda path, as_live=as_live: check(path, Options(
-                         _PARAMETERS, as_live=as_live)).messages
-                        for name, as_live in (('as live', True), ('motion', False))}}
-            least = dict.fromkeys(tasks, float('inf'))
-            for _ in range(options.runs):
-                for name, task in tasks.items():
-                    begun = time.process_time()
-                    count = task(path)
-                    least[name] = min(least[name], time.process_time() - begun)
-            for name, value in least.items():
-                print(f'{storage:8} {name:8} {1e6 * value / count:7.2f} us a message, '
-                      f'{count / value:9.0f} messages/s, '
-                      f'{value / least["iterate"]:6.2f} times iterating')
+        path = Path(folder, 'damaged.mcap')
+        _write_mcap(path, _touched_again_and_again())
+        whole, contacts = path.read_bytes(), _contacts_in(path)
+        for _ in range(recordings):
+            path.write_bytes(_damaged(whole, rng))
+            found['sat_collision'] += len(contacts & _contacts_in(path))
+            for name, reading in (('rosbags', _rosbags), ('mcap', _mcap)):
+                messages = []
+                with suppress(Exception):  # whatever ends reading, what came before counts
+                    messages.extend(reading(path))
+                again = path.with_name('read.mcap')
+                _write_mcap(again, messages)
+                found[name] += len(contacts & _contacts_in(again))
+    return {'recordings': recordings, 'contacts': len(contacts),
+            **{name: count / recordings / len(contacts) for name, count in found.items()}}
 
 
-if __name__ == '__main__':
-    main()
+def _touched_again_and_again():
+    """Yield (topic, stamp, bytes) of a minute in which an obstacle touches every two seconds."""
+    for tick in range(600):
+        stamp = _START + tick * _SECOND // 10
+        yield _TOPICS[0], stamp, serialised(_ROBOT, stamp)
+        is_touching = (stamp - _START) % _PERIOD < _PERIOD // 2
+        for k in range(20):
+            x = 0.8 if is_touching and k == 0 else 3.0 + k
+            yield _TOPICS[1], stamp, serialised(_ROBOT + (x, 0.0), stamp)
+
+
+def _contacts_in(path):
+    """Return the numbers of the periods with a contact."""
+    result = check(path, Options(_PARAMETERS, footprints=_TOPICS[:1], obstacles=_TOPICS[1:],
+                                 as_live=True))
+    return {(moment - _START) // _PERIOD for contact in result.contacts
+            for moment in range(contact.first, contact.last + 1, _SECOND // 10)}
+
+
+def _write_mcap(path, messages):
+    with path.open('wb') as file:
+        writer = McapWriter(file, _CHUNK, CompressionType.NONE)
+        writer.start('ros2')
+        schema = writer.register_schema(_KIND, 'ros2msg', STORE.generate_msgdef(_KIND)[0].encode())
+        channels = {topic: writer.register_channel(topic, 'cdr', schema) for topic in _TOPICS}
+        for topic, stamp, data in messages:
+            writer.add_message(channels[topic], stamp, data, stamp)
+        writer.finish()
+
+
+def _rosbags(path) -> Iterator:
+    with Reader(path) as reader:
+        for connection, stamp, data in reader.messages():
+            yield connection.topic, stamp, data
+
+
+def _mcap(path) -> Iterator:
+    with path.open('rb') as file:
+        for _, channel, message in make_reader(file).iter_messages():
+            yield channel.topic, message.log_time, message.data
+
+
+def _damaged(data, rng):
+    """Return bytes with one to four places lost, overwritten or cut off."""
+    data = bytearray(data)
+    for _ in range(rng.randint(1, 4)):
+        place, size = rng.randrange(len(data)), rng.choice((1, 8, 64, 512))
+        match rng.randrange(8):
+            case 0:
+                del data[place:]
+            case 1 | 2:
+                del data[place:place + size]
+            case _:
+                data[place:place + size] = rng.randbytes(size)
+    return bytes(data)

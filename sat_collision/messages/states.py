@@ -143,7 +143,7 @@ class States:
         head = DiagnosticArray()
         head.header.stamp = stamp
         data = bytearray(serialize(head))
-        data[-4:] = struct.pack('<I', len(self._packed))
+        data[-4:] = struct.pack('=I', len(self._packed))
         for packed in self._packed.values():
             # The level is a byte at any place; what follows is aligned to four.
             level, rest = packed[4:5], packed[8:]

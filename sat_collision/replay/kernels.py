@@ -104,7 +104,8 @@ def main() -> int:
     if mark is None:
         print('nothing is kept here: numba itself keeps kernels')
     elif mark.exists():
-        print(f'kept in {mark.parent}, for this Python and this kind of processor')
+        print(f'kept in {mark.parent} and folders beside it, for this Python and this kind of '
+              'processor')
     else:
         print('prepare_kernels: nothing could be kept', file=sys.stderr)
         return 1

@@ -63,7 +63,8 @@ def test_prepared_kernels_are_all_that_commands_need(start, tmp_path):
     result = start('-m', 'sat_collision.replay.kernels')
     assert (result.returncode, result.stderr) == (0, '')
     assert 'the first start after an installation compiles them' in result.stdout
-    assert f'kept in {tmp_path / "sat_collision" / "geometry" / "__pycache__"}' in result.stdout
+    folder = tmp_path / 'sat_collision' / 'geometry' / 'compiled' / '__pycache__'
+    assert f'kept in {folder}' in result.stdout
     prepared = compiled(tmp_path)
     assert len(prepared) > 20
     assert any(name.startswith('nearness.nearest_in_steps') for name in prepared), (

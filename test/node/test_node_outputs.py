@@ -171,8 +171,9 @@ def test_states_and_markers_of_an_imminent_collision(start):
     assert shown['velocity'].endswith('rad/s by footprints')
     drive(monitor, lambda: monitor.flag() and monitor.flag('footprint'), 'flags')
     drive(monitor, lambda: monitor.markers() and namespaces(monitor.markers()[-1]) >= {
-        'footprint/ahead', 'footprint/time'}, 'a way ahead')
-    assert any(marker.text == 'footprint: imminent' for marker in monitor.markers()[-1].markers)
+        'footprint/ahead', 'footprint/time'} and any(
+            marker.text == 'footprint: imminent' for marker in monitor.markers()[-1].markers),
+        'a way ahead, in the markers of an imminent collision')
     for _ in range(2):
         monitor.send('footprint', ROBOT)
         monitor.spin(0.1)

@@ -8,13 +8,14 @@ BIN := $(VENV)/bin
 demo: $(VENV)/demo.stamp
 	$(BIN)/python -m sat_collision.demo
 
-test: TESTS = -m 'not long'
-test-all: $(VENV)/messages.stamp
 # Three at a time, because tests of nodes mostly wait.
+test: TESTS = -m 'not long' -n 3
+test-all: TESTS = -n 2
+test-all: $(VENV)/messages.stamp
 test test-all: $(VENV)/test.stamp
 	$(BIN)/python -m mypy
 	$(BIN)/python -m sat_collision.replay.kernels
-	$(BIN)/python -m pytest -n 3 --dist worksteal $(TESTS)
+	$(BIN)/python -m pytest --dist worksteal $(TESTS)
 
 # Lines and branches that tests run, without the longest tests: kernels as plain Python, the node
 # as it is.

@@ -66,7 +66,7 @@ def keep_compiled(kernel: Any) -> None:
     except (OSError, RuntimeError):  # raised by numba if no folder is usable
         report_problem(
             'compiled kernels cannot be kept, so each process compiles them again: '
-            f'neither NUMBA_CACHE_DIR nor __pycache__ in {GEOMETRY} '
+            f'neither NUMBA_CACHE_DIR nor a __pycache__ in {GEOMETRY} '
             "nor the user's cache directory can be written to")
 
 

@@ -206,14 +206,14 @@ def test_unknown_becomes_clear_only_once_it_is_predicted():
     for bodies in ((1.5, 1.6), (9.0, 9.1)):
         world.use(enabled=False)
         world.use(enabled=True)
-        world.scene.look_ahead()
+        world.look_ahead()
         world.scene.take_changes()
         for time in bodies:
             world.time = time
             world.monitor.receive('robot', serialised(
                 [(x + time, y) for x, y in ROBOT], world.now, 'odom'), world.now)
         assert world.status() == 'unknown' and world.scene.take_changes() == ([], [])
-        world.scene.look_ahead()
+        world.look_ahead()
         assert world.status() == ('imminent' if bodies[0] == 1.5 else 'clear')
         assert world.scene.take_changes() == (['robot'], [])
 

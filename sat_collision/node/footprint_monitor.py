@@ -391,7 +391,7 @@ class FootprintMonitor(Node):
 
     def _look_ahead(self, name: str) -> None:
         if name in self._scene.looking_ahead:  # parameters may have changed
-            self._scene.look_ahead([name])
+            self._scene.look_ahead(name)
             self._publish_changes()
 
     def _publish_all(self) -> None:

@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from itertools import chain
 import math
 from typing import Any, NamedTuple
@@ -214,33 +214,30 @@ class Scene(SceneView):
             self._contacts.changed.add(footprint)
             self._evaluate()
 
-    def look_ahead(self, names: Iterable[str] | None = None) -> None:
+    def look_ahead(self, name: str) -> None:
         """
-        Predict which of some footprints are in contact within their min_time_to_collision.
+        Predict whether a footprint is in contact within its min_time_to_collision, which it has.
 
-        They are among `looking_ahead`, by default all of these. One that was unknown when it was
-        last predicted stays so until it is predicted again.
+        One that was unknown when it was last predicted stays so until it is predicted again.
         """
-        for name in self.looking_ahead if names is None else names:
-            footprint, threshold = self._footprints[name], self.looking_ahead[name]
-            if footprint.is_imminent is None:
-                footprint.is_imminent = False
-                self._contacts.changed.add(footprint)
-                self._evaluate()
-            if footprint.status is Status.UNKNOWN:
-                footprint.is_imminent = None
-                continue
-            found = predict(footprint, self._contacts, self._sources.values(), self._now,
-                            threshold + _AHEAD)
-            seconds = found.seconds if found else math.inf
-            if footprint.is_imminent != (seconds <= threshold):
-                footprint.is_imminent = seconds <= threshold
-                self._contacts.changed.add(footprint)
-            elif threshold < seconds < math.inf:
-                self.deadline = min(self.deadline,
-                                    self._now + int((seconds - threshold) * 1e9) - 1)
-        if self._contacts.changed:
+        footprint, threshold = self._footprints[name], self.looking_ahead[name]
+        if footprint.is_imminent is None:
+            footprint.is_imminent = False
+            self._contacts.changed.add(footprint)
             self._evaluate()
+        if footprint.status is Status.UNKNOWN:
+            footprint.is_imminent = None
+            return
+        found = predict(footprint, self._contacts, self._sources.values(), self._now,
+                        threshold + _AHEAD)
+        seconds = found.seconds if found else math.inf
+        if footprint.is_imminent != (seconds <= threshold):
+            footprint.is_imminent = seconds <= threshold
+            self._contacts.changed.add(footprint)
+            self._evaluate()
+        elif threshold < seconds < math.inf:
+            self.deadline = min(self.deadline,
+                                self._now + int((seconds - threshold) * 1e9) - 1)
 
     def check_path(self, name: str, path: FollowedPath, outline: Polygon) -> PathCheck:
         """Check the path of a footprint, whose outline is given in its own frame."""

@@ -277,7 +277,8 @@ class SceneMachine(RuleBasedStateMachine):
 
     @invariant()
     def agree(self):
-        self.scene.look_ahead()
+        for name in self.scene.looking_ahead:
+            self.scene.look_ahead(name)
         self._obstacles_agree()
         self._states_agree()
         self._predictions_agree()

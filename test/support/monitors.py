@@ -55,14 +55,18 @@ class World:
     def wait_until(self, time):
         self.time = time
         self.rejections += self.monitor.advance(self.now)
-        self.scene.look_ahead()
+        self.look_ahead()
+
+    def look_ahead(self):
+        for name in self.scene.looking_ahead:
+            self.scene.look_ahead(name)
 
     def receive(self, name, data):
         """Receive bytes now; return why they are refused."""
         self.numbers[name] += 1
         rejection = self.monitor.receive(name, data, self.now, self.numbers[name])
         self.rejections += [rejection] if rejection else []
-        self.scene.look_ahead()
+        self.look_ahead()
         return rejection
 
     def send(self, name, points, time=None, frame_id='odom', instance=None):
@@ -78,7 +82,7 @@ class World:
     def receive_transforms(self, topic, *links):
         """Receive transforms."""
         self.rejections += self.monitor.receive_transforms(topic, transforms(*links), self.now)
-        self.scene.look_ahead()
+        self.look_ahead()
 
     def move(self, time, x, y=0.0, yaw=0.0, child='base', parent='odom'):
         """Receive a transform at its time."""

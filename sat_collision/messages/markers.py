@@ -193,7 +193,7 @@ class Markers:
         pairs = [(name, *found) for name in names if (found := scene.nearest(name, apart=True))]
         if not pairs:
             return
-        name, obstacle, distance, on_obstacle, on_footprint = min(pairs, key=itemgetter(2))
+        name, obstacle, distance, on_obstacle, on_footprint, _ = min(pairs, key=itemgetter(2))
         ends = np.array([on_footprint, on_obstacle])
         gap = ends[1] - ends[0]
         min_x, min_y, max_x, max_y = self._shapes[name].polygon.bounds

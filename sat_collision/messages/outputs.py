@@ -193,7 +193,7 @@ class Outputs:
                           if is_known and (self._with_states or is_timed) else None)
             if is_measured:
                 self._separations[name].publish(
-                    _number(nearest[1] if nearest else math.inf) if is_known else _UNKNOWN)
+                    _number(nearest.separation if nearest else math.inf) if is_known else _UNKNOWN)
             if is_timed:
                 self._times[name].publish(_number(prediction.seconds) if prediction and
                                           prediction.is_known else _UNKNOWN)

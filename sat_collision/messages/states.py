@@ -103,7 +103,7 @@ class States:
                      prediction: Prediction | None) -> None:
         """Write the values that change all the time, with what is known of each source."""
         state = scene.state(name)
-        newer = scene.newer_by(name, {*state.contacts, *((nearest[0],) if nearest else ())})
+        newer = scene.contacts_newer_by(name) if state.contacts else {}
         frame_id, transform_age = scene.origin(name)
         velocity = scene.velocity(name)
         if isinstance(velocity, str):
@@ -114,10 +114,10 @@ class States:
         is_known = prediction and prediction.is_known
         texts = (
             '' if state.age is None else f'{state.age:.3f}',
-            f'{nearest[1]:.6g}' if nearest else '',
-            str(nearest[0]) if nearest else '',
-            f'{newer[nearest[0]]:.3f}' if nearest and nearest[0] in newer else '',
-            ', '.join(f'{one} {newer[one]:.3f}' for one in state.contacts if one in newer),
+            f'{nearest.separation:.6g}' if nearest else '',
+            str(nearest.obstacle) if nearest else '',
+            f'{nearest.newer_by:.3f}' if nearest else '',
+            ', '.join(f'{one} {seconds:.3f}' for one, seconds in newer.items()),
             name_in_words(frame_id) if frame_id else '',
             '' if transform_age is None else f'{transform_age:.3f}',
             f'{prediction.seconds:.3f}' if prediction and is_known else '',

@@ -129,9 +129,9 @@ class Timeline:
             found = None
             if self._since[name][1] is not Status.UNKNOWN:
                 found = self._scene.nearest(name)
-            series.add(now, found and found[1])
+            series.add(now, found and found.separation)
             if found:
-                obstacle, distance, (ax, ay), (bx, by) = found
+                obstacle, distance, (ax, ay), (bx, by), _ = found
                 self._results[name].note_least(Least(
                     distance + 0.0, now, str(obstacle), (ax + bx) / 2, (ay + by) / 2))
 

@@ -106,6 +106,12 @@ class Footprint(Body[Obstacle]):
             self._names = tuple(sorted(self._held))
         return self._names
 
+    def newer_by(self, obstacle: Obstacle) -> float:
+        """Return by how many s an obstacle is newer than this, which is placed."""
+        assert self.time is not None
+        obstacle.group.flush()
+        return (obstacle.time - self.time) / 1e9
+
     def toggle(self, others: Collection[Obstacle]) -> None:
         super().toggle(others)
         for other in others:

@@ -12,9 +12,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Mapping, Set
+from collections.abc import Collection, Mapping
 from itertools import chain
-from typing import TypeAlias
+from typing import NamedTuple
 
 from sat_collision.geometry.body.polygon import Polygon
 from sat_collision.geometry.sets.polygon_set import Point
@@ -26,8 +26,15 @@ from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Se
 from sat_collision.scene.sources import Source
 from sat_collision.scene.velocity import Velocity
 
-# An obstacle, its separation (m) from a footprint, and the closest points of the two.
-Nearest: TypeAlias = tuple[ObstacleId, float, Point, Point]
+
+class Nearest(NamedTuple):
+    """The obstacle nearest to a footprint."""
+
+    obstacle: ObstacleId
+    separation: float  # m
+    on_obstacle: Point  # the closest points
+    on_footprint: Point
+    newer_by: float  # in s, than the footprint
 
 
 class SceneView:
@@ -152,30 +159,17 @@ class SceneView:
         """
         Return the obstacle nearest to a footprint, None if either is not placed.
 
-        It comes with its separation and the closest points, as from `PolygonSet.nearest`; with
-        `apart` the obstacles in contact are left out.
+        The separation and the closest points are those of `PolygonSet.nearest`; with `apart` the
+        obstacles in contact are left out.
         """
         footprint = self._footprints[name]
         found = self._contacts.nearest(footprint, footprint.contacts if apart else ())
-        return found and (found[0].name, *found[1:])
+        return found and Nearest(found[0].name, *found[1:], footprint.newer_by(found[0]))
 
-    def newer_by(self, name: str, obstacles: Set[ObstacleId]) -> dict[ObstacleId, float]:
-        """
-        Return by how many s obstacles are newer than a footprint; only those that are placed.
-
-        If two sets hold an obstacle of the same name, one in contact counts first, then the newer.
-        """
+    def contacts_newer_by(self, name: str) -> dict[ObstacleId, float]:
+        """Return by how many s obstacles in contact are newer; of those of one name the newest."""
         footprint = self._footprints[name]
-        if footprint.time is None:
-            return {}
-        found: dict[ObstacleId, tuple[bool, float]] = {}
-        # One pass per source, because all of its obstacles may be asked for.
-        for source in {obstacle.source for obstacle in obstacles}:
-            for one in self._sources[source].store:
-                if one.row is not None and one.name in obstacles:
-                    known = one in footprint.contacts, one.time
-                    found[one.name] = max(found.get(one.name, known), known)
-        return {obstacle: (time - footprint.time) / 1e9 for obstacle, (_, time) in found.items()}
+        return dict(sorted((one.name, footprint.newer_by(one)) for one in footprint.contacts))
 
     def velocity(self, name: str) -> Velocity | str:
         """Return the velocity of a footprint since its stamp, or why it is unknown."""

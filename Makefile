@@ -8,6 +8,9 @@ BIN := $(VENV)/bin
 demo: $(VENV)/demo.stamp
 	$(BIN)/python -m sat_collision.demo
 
+# Each of the many processes that tests start would compile the whole package again.
+unexport PYTHONDONTWRITEBYTECODE
+
 # Three at a time, because tests of nodes mostly wait.
 test: TESTS = -m 'not long' -n 3
 test-all: TESTS = -n 2

@@ -17,6 +17,7 @@ picture of the imports in ARCHITECTURE.md, and figures of the benchmarks in READ
 
 import argparse
 import ast
+import functools
 import json
 from pathlib import Path
 import sys
@@ -76,6 +77,7 @@ def parameter_table():
     return '\n'.join(rows)
 
 
+@functools.cache
 def imports():
     """
     Return what every module of the package and of the benchmarks imports.

@@ -33,8 +33,9 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 from sat_collision.node.wait_set import WaitSet
 
-# Max time in s for taking messages before anything else gets its turn, shared evenly among the
-# topics. Processing of a message is never interrupted.
+# Max time in s for taking messages before anything else gets its turn: half for topics up to the
+# last footprint and half for the others, shared evenly among those that may have some. Processing
+# of a message is never interrupted.
 _LONGEST_TURN = 0.01
 # With at least this many messages per rest, a rest costs less than the wake-ups it saves.
 _WORTH_A_REST = 2.0
@@ -190,7 +191,6 @@ class Loop:
         self._inputs = inputs
         # The topics up to the last one that ends rests, and the others.
         self._topics: tuple[list[_Topic], list[_Topic]] = [], []
-        self._budget = _LONGEST_TURN / len(inputs)
         self._executor = SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
         self._rest = 0.0
@@ -203,6 +203,7 @@ class Loop:
         self._has_more = False
         self._looks_at_others = True
         self._next_tick = 0.0
+        self._next_first = 0.0
         self._taken = 0
         # How many of these could end a rest, and whether they are few enough to do so.
         self._taken_at_once = 0
@@ -245,12 +246,13 @@ class Loop:
         between = None
         for topics in self._topics:
             since, before = now, taken
-            for topic in topics:
-                if late >= 0.0 or ready is None or topic.pointer in ready:
-                    count = (topic.take_batch(1, present) if are_alone
-                             else topic.take(self._budget, present, between))
-                    taken += count
-                    self._taken_at_once += count if topic.ends_rest else 0
+            waiting = [topic for topic in topics
+                       if late >= 0.0 or ready is None or topic.pointer in ready]
+            for topic in waiting:
+                count = (topic.take_batch(1, present) if are_alone
+                         else topic.take(_LONGEST_TURN / 2 / len(waiting), present, between))
+                taken += count
+                self._taken_at_once += count if topic.ends_rest else 0
             if taken > before:
                 now = time.monotonic()
                 self._receiver.end_batch(taken - before, now - since)
@@ -274,8 +276,14 @@ class Loop:
             self._rests_until = time.monotonic() + self._rest
 
     def _take_first(self, present: int) -> None:
-        """Take one message per footprint, and publish, between batches of other topics."""
+        """
+        Take one message per footprint, and publish, between batches of other topics.
+
+        It takes no more than half of their time: there may be many footprints.
+        """
         begun = time.monotonic()
+        if begun < self._next_first:
+            return
         taken = 0
         for topic in self._topics[0]:
             count = topic.take_batch(1, present)
@@ -284,6 +292,8 @@ class Loop:
         if taken:
             self._taken += taken
             self._receiver.end_batch(taken, time.monotonic() - begun)
+        ended = time.monotonic()
+        self._next_first = ended + (ended - begun)
 
     def _wait(self, wait_set: WaitSet) -> tuple[set[int] | None, bool]:
         """Return pointers of subscriptions to check, None for all, and if the wait was long."""

@@ -83,14 +83,16 @@ class Recorder:
 def looped(peer):
     """Return a peer, and a context that runs a Loop on 'flood' and 'other', which ends rests."""
     node = rclpy.create_node('receiver', context=peer.context)
-    inputs = [loop.Input(name, node.create_subscription(
-        PolygonStamped, name, id, QoSProfile(depth=2000), raw=True,
-        callback_group=loop.LoopOwnedGroup()), ends_rest=name == 'other')
-        for name in ('other', 'flood')]
+
+    def subscribed(name):
+        return loop.Input(name, node.create_subscription(
+            PolygonStamped, name, id, QoSProfile(depth=2000), raw=True,
+            callback_group=loop.LoopOwnedGroup()), ends_rest=name != 'flood')
+    inputs = [subscribed(name) for name in ('other', 'flood')]
 
     @contextmanager
-    def looped(receiver, delay=0.0):
-        one = loop.Loop(node, inputs, receiver, lambda: delay)
+    def looped(receiver, delay=0.0, further=()):
+        one = loop.Loop(node, [*map(subscribed, further), *inputs], receiver, lambda: delay)
         yield one
         one.close()
 
@@ -121,6 +123,38 @@ def test_other_topics_get_their_turn_during_a_flood(looped):
     backlogs = [backlog for name, backlog in receiver.backlogs if name == 'flood']
     assert backlogs[-1] is None and {name for name, _ in receiver.backlogs} == {'flood'}
     assert all(backlog.seconds > 0.0 for backlog in backlogs[:-1])
+
+
+def test_many_footprints_leave_obstacles_their_time(looped, monkeypatch):
+    """A source has half of each turn, however many footprints share the other half."""
+    peer, looped = looped
+    monkeypatch.setattr(loop, '_LONGEST_TURN', 20.0)
+    receiver = Recorder(0.003)
+    arrive(peer, flood=300)
+    with looped(receiver, further=[f'robot{k}' for k in range(50)]) as one:
+        one.run(lambda: 'flood' in receiver.names)
+    assert receiver.names.count('flood') == 300
+
+
+def test_looking_at_many_footprints_takes_no_more_time_than_obstacles(looped, monkeypatch):
+    """Each look takes 20 ms here and a batch as good as nothing: so no look follows each batch."""
+    peer, looped = looped
+    receiver = Recorder()
+    looks = []
+    take_batch = loop._Topic.take_batch
+
+    def take_slowly(topic, limit, now):
+        if topic._name == 'other':
+            looks.append(len(receiver.names))
+            time.sleep(0.02)
+        return take_batch(topic, limit, now)
+    monkeypatch.setattr(loop._Topic, 'take_batch', take_slowly)
+    monkeypatch.setattr(loop, '_LONGEST_TURN', 20.0)
+    arrive(peer, flood=2000)
+    with looped(receiver) as one:
+        one.run(lambda: 'flood' in receiver.names)
+    assert receiver.names.count('flood') == 2000
+    assert 1 < len(looks) < 15
 
 
 def test_footprints_are_received_and_published_first(looped):
@@ -349,7 +383,7 @@ def test_footprint_ends_a_rest(looped, domain, monkeypatch):
         assert 0.1 < rests[0] < 25.0
         assert receiver.names[-1] == 'other' and receiver.batches[-1] == 1
         # Let one turn receive all that has gathered, however busy the machine is.
-        one._budget = 60.0
+        monkeypatch.setattr(loop, '_LONGEST_TURN', 120.0)
         receiver.due = lambda now, steady: steady + 0.1
         arrive(peer, other=1)
         before = receiver.names.count('flood')

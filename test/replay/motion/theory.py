@@ -10,21 +10,46 @@
 """Compare random recordings with the oracle of recorded motion: `make motion`."""
 
 import argparse
+from multiprocessing import Pool
 from pathlib import Path
+import sys
 import tempfile
+from time import perf_counter
 
 from test_replay_theory import compare, FORMS
+
+TOGETHER = 1000
+
+
+def wrong_in(first):
+    """Compare recordings from a number on; return what is wrong."""
+    found = []
+    with tempfile.TemporaryDirectory() as folder:
+        for number in range(first, first + TOGETHER):
+            form = FORMS[number % len(FORMS)]
+            try:
+                compare(number, form, Path(folder, 'recording'))
+            except Exception as error:
+                found.append(f'recording {number}, {form}: {type(error).__name__}: {error}')
+    return found
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--recordings', type=float, default=1e6)
-    with tempfile.TemporaryDirectory() as folder:
-        for number in range(int(parser.parse_args().recordings)):
-            compare(number, FORMS[number % len(FORMS)], Path(folder, 'recording'))
-            if (number + 1) % 1000 == 0:
-                print(f'{number + 1} recordings agree', flush=True)
+    parser.add_argument('--first', type=int, default=0)
+    arguments = parser.parse_args()
+    begin, done, wrong = perf_counter(), 0, 0
+    last = arguments.first + int(arguments.recordings)
+    with Pool() as pool:
+        for found in pool.imap_unordered(wrong_in, range(arguments.first, last, TOGETHER)):
+            done += TOGETHER
+            wrong += len(found)
+            rate = done / (perf_counter() - begin)
+            print(*found, f'{done} recordings, {wrong} wrong, {rate:.0f} a second', sep='\n',
+                  flush=True)
+    return 1 if wrong else 0
 
 
 if __name__ == '__main__':
-    main()
+    sys.exit(main())

@@ -52,7 +52,7 @@ extras = {
 
 setup(
     name=package_name,
-    version='0.1.0',
+    version='1.0.0',
     packages=find_packages(exclude=['test']),
     package_data={package_name: ['py.typed', 'replay/output/page.*', 'replay/output/*.js']},
     data_files=[

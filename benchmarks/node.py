@@ -10,14 +10,15 @@
 """
 The node as a process under traffic, compared with shapely in a callback and with the floor.
 
-The floor is a node that only receives and publishes, see `peers`. While transforms come, the node
-is compared with a monitor that ignores /tf. Processor time is that of all threads of the process,
-as the kernel's scheduler counts it.
+The floor is a node that only receives and publishes, in Python, see `peers`, and in C++. While
+transforms come, the node is compared with a monitor that ignores /tf. Processor time is that of
+all threads of the process, as the kernel's scheduler counts it.
 """
 
 import contextlib
 import os
 from pathlib import Path
+import shutil
 import statistics
 import struct
 import subprocess
@@ -78,10 +79,11 @@ def ros():
 
 @contextlib.contextmanager
 def running(kind, parameters={}, **environment):
-    """Run a node of some kind as a process, the plain one without numba; yield its id."""
+    """Run a node of some kind, or a built one, as a process; yield its id."""
     words = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
+    command = [sys.executable, *NODES[kind]] if kind in NODES else [kind]
     process = subprocess.Popen(
-        [sys.executable, *NODES[kind], *(['--ros-args', *words] if words else ())],
+        [*command, *(['--ros-args', *words] if words else ())],
         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         env={**os.environ, **_ENVIRONMENTS.get(kind, {}), **environment})
     try:
@@ -122,7 +124,7 @@ def _percentiles(values, **shares):
 
 def together(nodes, make, seconds, repeats):
     """
-    Return processor time in us a message of two nodes that share a core, and their ratio.
+    Return processor time in us a message of nodes that share a core, and first to last as a ratio.
 
     They receive the same messages at once, because the machine's speed changes from one second to
     the next by more than they differ. They are restarted for each repeat, because the one that is
@@ -144,7 +146,7 @@ def together(nodes, make, seconds, repeats):
             costs.append([1e6 * (cpu_time(pid) - used) / count
                           for pid, used in zip(pids, before)])
     return *map(statistics.median, zip(*costs)), statistics.median(
-        one / other for one, other in costs)
+        first / last for first, *_, last in costs)
 
 
 def pin(pid, core):
@@ -178,6 +180,33 @@ def measure(seconds, repeats):
                    **load(kind, 1000, 4, seconds, rate=rate / 1000)}
                   for kind, rates in (('monitor', RATES), ('plain', PLAIN_RATES))
                   for rate in rates]}
+
+
+def build_floor(folder):
+    """Build the floor in C++; return the path of the program, None if CMake finds no rclcpp."""
+    configure = ['cmake', '-S', str(ROOT / 'benchmarks' / 'floor'), '-B', str(folder),
+                 '-DCMAKE_BUILD_TYPE=Release']
+    if not shutil.which('cmake') or subprocess.run(configure, capture_output=True).returncode:
+        print('skipped the node in C++, because CMake finds no rclcpp: apt install g++ cmake '
+              'ros-jazzy-rclcpp, and source /opt/ros/jazzy/setup.bash', file=sys.stderr)
+        return None
+    subprocess.run(['cmake', '--build', str(folder)], stdout=subprocess.DEVNULL, check=True)
+    return str(Path(folder) / 'floor')
+
+
+def measure_cpp(seconds, repeats):
+    """Return the cost of the monitor beside the floor in rclpy and in C++, None without rclcpp."""
+    with tempfile.TemporaryDirectory() as folder:
+        if not (program := build_floor(folder)):
+            return None
+        rows = []
+        for obstacles in OBSTACLES:
+            us, floor, cpp, ratio = together([('monitor',), ('floor',), (program,)],
+                                             lambda: Traffic(obstacles, VERTICES[0]), seconds,
+                                             3 * repeats)
+            rows.append({'obstacles': obstacles, 'us': us, 'floor_us': floor, 'cpp_us': cpp,
+                         'ratio': ratio})
+        return rows
 
 
 class Transforms:

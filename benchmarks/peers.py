@@ -11,9 +11,10 @@
 Nodes to compare the monitor with: one that only receives and publishes, one that uses shapely.
 
 `floor` has raw subscriptions, callbacks that look at a byte at most, and the same publishes, in
-rclpy's events executor. `shapely` has typed messages, one flag, and checks only intersection.
-`frames` is the monitor itself with a stand-in for TFMessage, as tf2_msgs may be missing and only
-bytes are passed; `frames_floor` is the same, but ignores the bytes of /tf that it receives.
+rclpy's events executor; `floor/floor.cpp` is the same in C++. `shapely` has typed messages, one
+flag, and checks only intersection. `frames` is the monitor itself with a stand-in for TFMessage,
+as tf2_msgs may be missing and only bytes are passed; `frames_floor` is the same, but ignores the
+bytes of /tf that it receives.
 """
 
 import sys

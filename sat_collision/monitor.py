@@ -129,12 +129,15 @@ class Monitor:
 
     def receive_run(self, name: str, batch: Batch, begin: int, now: int) -> int:
         """
-        Receive messages of a batch, from `begin` on, that only add to the set of the one before.
+        Receive messages of one stamp of a batch, from `begin` on; return how many were taken.
 
-        Returns how many were taken. The next one must be received by itself.
+        The next one must be received by itself. Now is when the first one came; none is too old
+        when it comes, and nothing is due before. Of faults the words may change with each, so
+        while there are any none is taken.
         """
         self._watch_clock(now)
-        taken = 0 if name in self.waiting else self.ingest.take_run(name, batch, begin, now)
+        taken = 0 if name in self.waiting or self.scene.source_faults else (
+            self.ingest.take_run(name, batch, begin, now))
         self.received[name] += taken
         return taken
 

@@ -17,7 +17,7 @@ from monitors import BOW_TIE, NOW, SETTINGS
 import pytest
 from sat_collision.messages.ingest import Batch
 from sat_collision.monitor import Monitor
-from sat_collision.scene.settings import EACH_MESSAGE, EMPTY_POLYGON, SET_ENDS
+from sat_collision.scene.settings import EACH_MESSAGE, EMPTY_POLYGON, NEW_STAMP, SET_ENDS
 from sat_collision.scene.streams import Endpoint
 
 NON_CONVEX = [(0, 3), (2, 3), (2, 5), (0, 5), (1, 4)]
@@ -140,18 +140,20 @@ def ordinary(k, stamp):
 
 
 @pytest.mark.parametrize('size', (1, 21))
-@pytest.mark.parametrize('unusual, margin, status, together', [
-    (lambda stamp: serialised(box(1), stamp), 0.0, 'collision', 18),
-    (lambda stamp: serialised(box(1.25), stamp), 0.5, 'collision', 18),
-    (lambda stamp: serialised(NON_CONVEX, stamp), 0.0, 'clear', 18),
-    (lambda stamp: serialised(BOW_TIE, stamp), 0.0, 'unknown', 18),
+@pytest.mark.parametrize('set_end', (EMPTY_POLYGON, NEW_STAMP))
+@pytest.mark.parametrize('unusual, margin, status', [
+    (lambda stamp: serialised(box(1), stamp), 0.0, 'collision'),
+    (lambda stamp: serialised(box(1.25), stamp), 0.5, 'collision'),
+    (lambda stamp: serialised(NON_CONVEX, stamp), 0.0, 'clear'),
+    (lambda stamp: serialised(BOW_TIE, stamp), 0.0, 'unknown'),
     (lambda stamp: ordinary(10, stamp)[:20] + b'\5\0\0\0' + ordinary(10, stamp)[24:], 0.0,
-     'unknown', 17),
+     'unknown'),
 ], ids=['touching', 'within the margin', 'not convex', 'refused', 'another count'])
 def test_unusual_message_in_a_run_is_received_by_itself(
-        monkeypatch, size, unusual, margin, status, together):
-    """The first message of a set, too; all others are received in runs."""
-    monitor = Monitor(replace(SETTINGS, obstacles=SETTINGS.obstacles[:1], margin=margin))
+        monkeypatch, size, set_end, unusual, margin, status):
+    """All others are received in runs, once there have been three sets of as many."""
+    monitor = Monitor(replace(SETTINGS, margin=margin, obstacles=(
+        replace(SETTINGS.obstacles[0], set_end=set_end),)))
     taken = []
     take_run = monitor.ingest.take_run
 
@@ -162,16 +164,16 @@ def test_unusual_message_in_a_run_is_received_by_itself(
     monkeypatch.setattr(monitor.ingest, 'take_run', take)
     monitor.receive('robot', serialised(box(0)), NOW)
     number = 1
-    for stamp in (NOW, NOW + SECOND // 10, NOW + SECOND // 5):
+    for stamp in range(NOW, NOW + 4 * SECOND // 10, SECOND // 10):
         batch = [ordinary(k, stamp) for k in range(20)]
-        if stamp > NOW + SECOND // 10:
+        if stamp == NOW + 3 * SECOND // 10:
             batch[10] = unusual(stamp)
         del taken[:]
         batch.append(serialised([], stamp))
         for k in range(0, 21, size):
             monitor.receive_batch('lidar', batch[k:k + size], stamp, number + k)
         number += 21
-    assert sum(taken) == together and max(taken) == min(size, 9)
+    assert sum(taken) == 19 and max(taken) == min(size, 10)
     assert monitor.scene.state('robot').status.value == status
 
 
@@ -182,15 +184,14 @@ def test_runs_go_through_the_robot_if_no_contacts_are_decided():
         decides_contacts=False)
     monitor.receive('robot', serialised(box(0)), NOW)
     taken = []
-    for k in range(4):
+    for k in range(5):
         stamp = NOW + k * SECOND // 10
         now = stamp + SECOND // 2
         odd = [serialised(NON_CONVEX, stamp), ordinary(9, stamp)] if k < 2 else []
         batch = Batch([serialised(box(0), stamp), *(ordinary(k, stamp) for k in range(8)), *odd])
-        monitor.receive('lidar', batch.messages[0], now)
-        taken.append(monitor.receive_run('lidar', batch, 1, now))
-        monitor.receive_batch('lidar', batch.messages[1 + taken[-1]:], now)
-    assert taken == [0, 0, 8, 8]
+        taken.append(monitor.receive_run('lidar', batch, 0, now))
+        monitor.receive_batch('lidar', batch.messages[taken[-1]:], now)
+    assert taken == [0, 0, 0, 9, 9]
     assert monitor.scene.state('robot').contacts == ()
     expires = stamp - SECOND // 10 + round(SETTINGS.obstacles[0].timeout * SECOND)
     monitor.advance(expires)

@@ -25,7 +25,7 @@ from sat_collision.geometry.compiled.jit import indexable
 from sat_collision.geometry.sets.run import IN_ONE_MESSAGE, Run
 from sat_collision.messages.cdr import (
     COUNT_SIZE, decode, decode_collection, decode_polygon_2d, header_stamp, MessageError,
-    POINT_SIZE, RunPoints)
+    POINT_SIZE, RunPoints, STAMP_SIZE)
 from sat_collision.messages.rejections import (
     detail_of, EMPTY_FRAME_ID, LONG_FRAME_ID, Rejection, UNDECODABLE)
 from sat_collision.messages.transform_listener import TransformListener
@@ -133,21 +133,22 @@ class Ingest:
         self._packer = Packer(settings.max_vertices)
         # By source of a map: the frame of a message refused for lack of a transform.
         self.untransformed: dict[str, str] = {}
-        # By source without ids, of the last obstacle accepted: the bytes before its point count,
-        # the offset of the points in the message, its stamp, and the frame in which it was sent.
-        self.headers: dict[str, tuple[bytes, int, int, str] | None] = {
+        # By source without ids, of the last obstacle accepted: the bytes from its stamp to its
+        # point count, the offset of the points in the message, and the frame in which it was sent.
+        self.headers: dict[str, tuple[bytes, int, str] | None] = {
             source.name: None for source in settings.obstacles if source.type == POLYGON}
         # By source of a map, for each other frame in which it was sent: the affine map from there.
         self._followed: dict[str, dict[str, Affine2D]] = {}
 
     def take_run(self, name: str, batch: Batch, begin: int, now: int) -> int:
-        """Pass on the messages that only add to the set of the one before; return how many."""
+        """Pass on messages of one stamp in the frame of the one before; return how many."""
         if (header := self.headers.get(name)) is None:
             return 0
-        start, points_at, stamp, frame_id = header
+        behind_stamp, points_at, frame_id = header
         message = batch.messages[begin]
-        if len(message) <= points_at or not message.startswith(start):
+        if message[STAMP_SIZE:points_at - COUNT_SIZE] != behind_stamp:
             return 0
+        stamp = header_stamp(message)
         affine = None
         if self._transforms and frame_id != self._fixed:
             settings = self._scene.settings_of(name)
@@ -161,19 +162,11 @@ class Ingest:
             frame_id, stamp, now, batch.number and batch.number + begin)
         placements = self._placements
         if taken and placements is not None:
-            first = begin
-            listing, last_whole = self._scene.joined(name)
-            last = placements[-1] if begin and placements else None
-            if last and not last.is_empty and last.points[0] is batch.messages[begin - 1] and (
-                    (last.stamp, last.listing) == (stamp, listing)):
-                # The run begins with the message before, which has the same header.
-                placements.pop()
-                first -= 1
-            if first or begin + taken < len(batch.messages):
-                batch = Batch(batch.messages[first:begin + taken])
-            placements.append(Placement(name, stamp, frame_id,
-                                        (batch.data, batch.ends, points_at, TRIPLE), affine, None,
-                                        listing, last_whole))
+            if taken < len(batch.messages):
+                batch = Batch(batch.messages[begin:begin + taken])
+            placements.append(Placement(
+                name, stamp, frame_id, (batch.data, batch.ends, points_at, TRIPLE), affine, None,
+                *self._scene.joined(name)))
         return taken
 
     def take(self, settings: FootprintSettings | ObstacleSettings, data: bytes,
@@ -241,8 +234,7 @@ class Ingest:
                 return Rejection(name, settings.topic, problem.reason.value,
                                  f'polygon {k}: {problem}')
             if name in self.headers and points[2] and points[0] is data:
-                self.headers[name] = (data[:points[1] - COUNT_SIZE], points[1],
-                                      header_stamp(data), sent_in)
+                self.headers[name] = (data[STAMP_SIZE:points[1] - COUNT_SIZE], points[1], sent_in)
             return None
         return self.reject(settings, refusal, detail_of(
             refusal, frame_id, scene.frame_id, (now - stamp) / 1e9, settings.timeout))

@@ -42,8 +42,8 @@ from sat_collision.replay.plans import Plans
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.scene import OVERTAKEN
 from sat_collision.scene.settings import (
-    EMPTY_POLYGON, FAR, FootprintSettings, NEVER, NONE, PathSettings, POLYGON_INSTANCE,
-    Settings)
+    EMPTY_POLYGON, FAR, FootprintSettings, NEVER, NONE, PathSettings, POLYGON,
+    POLYGON_INSTANCE, Settings)
 
 if TYPE_CHECKING:
     from sat_collision.replay.output.bag import BagOutputs
@@ -259,6 +259,10 @@ class _Check:
         plans = monitor.paths.names
         # A rejected footprint has no pose until the next one, so each message counts; so do plans.
         single = {one.name for one in self._settings.footprints} | plans
+        # Sources whose messages may be received several at once, and timeouts, by their topics.
+        of_runs = {source.topic: (source.name, round(source.timeout * 1e9) or NEVER)
+                   for source in self._settings.obstacles
+                   if names.get(source.topic) == [source.name] and source.type == POLYGON}
         if self._options.start:
             # A publisher that keeps its messages would send those of before the start as well.
             kept = {TF_STATIC} & {*self._transforms} | (
@@ -279,7 +283,7 @@ class _Check:
             elif not by_header and stop is not None and time >= stop:
                 break
             if time > now:
-                if time > monitor.deadline or time >= self._due:
+                if time > monitor.deadline or time > self._due:
                     self._pass_until(time)
                 self._now = now = time
             if topic in TRANSFORM_TOPICS:
@@ -290,14 +294,20 @@ class _Check:
                         self._plans.follow(now)
             self._lose(names[topic], batch)
             number = numbers.pop(topic, None) if numbers else None
+            if rows and now and number is None and topic in of_runs:
+                name, timeout = of_runs[topic]
+                bound = min(monitor.deadline, self._due, NEVER if stop is None else stop - 1,
+                            header_stamp(batch[0]) + timeout)
+                last = rows.receive_run(monitor, name, now, bound)
+                if last is not None:
+                    self._follow(now)
+                    self._now = now = last
+                    continue
             for name in names[topic]:
                 for k, part in enumerate([[one] for one in batch] if name in single else [batch]):
                     self._receive(name, part, now, number and number + k)
                     if name in plans:
                         self._keep(self._plans.receive(name, now))
-            if rows and len(names[topic]) == 1 and now:
-                bound = min(monitor.deadline, self._due - 1, NEVER if stop is None else stop - 1)
-                self._now = now = rows.receive_run(monitor, names[topic][0], now, bound)
         if self._result.start is None:
             return
         end = now if by_header else max(now, end - max(ordered.delay if ordered else 0, 0))

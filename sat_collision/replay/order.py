@@ -44,29 +44,32 @@ class ArrivalOrder:
     def __init__(self, rows: Iterable[Row]) -> None:
         self._rows = rows
         self._times: list[int] = []
-        self._batch = Batch(())
+        self._messages: list[bytes] = []
+        self._batch: Batch | None = None
         self._taken = 0
 
     def __iter__(self) -> Iterator[Timed]:
         for topic, times, messages in self._rows:
-            self._times, self._batch, self._taken = times, Batch(messages), 0
+            self._times, self._messages, self._batch, self._taken = times, messages, None, 0
             while (taken := self._taken) < len(times):
                 self._taken += 1
-                yield topic, times[taken], [messages[taken]]
+                yield topic, times[taken], messages[taken:taken + 1]
 
-    def receive_run(self, monitor: Monitor, name: str, now: int, bound: float) -> int:
+    def receive_run(self, monitor: Monitor, name: str, now: int, bound: float) -> int | None:
         """
-        Pass the next messages to a monitor if they only add to the set of the last one.
+        Pass the message that was yielded last, and those that continue it, on to a monitor.
 
-        No deadline or timer is due until the bound, in ns. Returns the time of the last message
-        that was received.
+        Nothing is due until the bound, in ns. Returns the time of the last one that was received,
+        or when something is due before; None if none was.
         """
-        if self._taken < len(self._times) and self._times[-1] <= bound:
-            taken = monitor.receive_run(name, self._batch, self._taken, now)
-            if taken:
-                self._taken += taken
-                now = max(now, self._times[self._taken - 1])
-        return now
+        if self._times[-1] > bound:
+            return None
+        self._batch = self._batch or Batch(self._messages)
+        taken = monitor.receive_run(name, self._batch, self._taken - 1, now)
+        if not taken:
+            return None
+        self._taken += taken - 1
+        return max(now, int(min(self._times[self._taken - 1], monitor.deadline)))
 
 
 def _headers(messages: list[bytes]) -> Iterator[tuple[bytes, int]]:

@@ -25,6 +25,7 @@ from dataclasses import dataclass
 from typing import cast, NamedTuple
 
 from sat_collision.geometry.body.polygon import PackedBody
+from sat_collision.geometry.sets.run import Run
 from sat_collision.scene.obstacle_store import (
     KeyedGroup, ObstacleGroup, ObstacleStore, SetGroup, Shape, TOO_MANY)
 from sat_collision.scene.obstacles import ObstacleId
@@ -65,6 +66,7 @@ class Knowledge:
     The base of both kinds of knowledge; the store makes the groups of obstacles.
 
     `receive` takes an obstacle and returns why it is refused, and `end` takes an empty polygon.
+    `receive_run` takes obstacles of one stamp that continue their stream, and returns how many.
     `deadline` is the time after which `pass_time` changes something. `problem` says why not all
     obstacles are known, as the end of a sentence; empty if they are.
     """
@@ -99,9 +101,6 @@ class Knowledge:
         self._useless = (f'there were more obstacles than max_count, {self._store.max_count}'
                          if reason is TOO_MANY else f'a message was refused: {reason}')
         self.miss(self._useless, now)
-
-    def gather(self, stamp: int, count: int) -> None:
-        """Record how many obstacles came with a stamp."""
 
     def _hear(self, message: Message, now: int) -> None:
         """Record that the publisher was alive at the stamp of a message."""
@@ -154,6 +153,7 @@ class Listings(Knowledge):
 
     def __init__(self, store: ObstacleStore, settings: ObstacleSettings, tolerance: int) -> None:
         self._store = store
+        self._next = store.new_set()  # for the next listing
         self._open = self._new_listing(is_sound=False)
         self._whole: _Listing | None = None  # the last one, until it is older than the timeout
         self._newer: list[_Listing] = []  # those after the last whole one that are not whole
@@ -166,7 +166,7 @@ class Listings(Knowledge):
 
     @property
     def groups(self) -> list[ObstacleGroup]:
-        return [one.group for one in self._held]
+        return [*(one.group for one in self._held), self._next]
 
     @property
     def _held(self) -> list[_Listing]:
@@ -178,24 +178,13 @@ class Listings(Knowledge):
         return len(self._whole.group) if self._whole else 0
 
     @property
-    def room(self) -> int:
-        """For how many more obstacles the open listing has room."""
-        return self._store.max_count - len(self._open.group)
-
-    @property
     def rate(self) -> float:
         """How many listings end in a second; 0 while that is not known."""
         ends = self._ends
         return (len(ends) - 1) / (ends[-1] - ends[0]) * 1e9 if ends and ends[-1] > ends[0] else 0.0
 
     def receive(self, message: Message, now: int) -> str | None:
-        self._continue(message, now)
-        one = self._join(message, now)
-        self.newest = max(self.newest, message.stamp)
-        if message.time < one.time:
-            place = len(one.group) if message.instance is None else message.instance
-            one.time, one.oldest = message.time, ObstacleId(self._store.source, place)
-        one.begun = min(one.begun, now)
+        one = self._add(message, now)
         refusal = message.refusal or one.group.take(
             message.body, message.frame_id, message.time, message.instance)
         if refusal:
@@ -204,11 +193,27 @@ class Listings(Knowledge):
             self._close(now)
         return refusal
 
-    def group_to_extend(self, stamp: int) -> SetGroup | None:
-        """Return the group that messages of a stamp only add to."""
+    def receive_run(self, run: Run, frame_id: str, stamp: int, now: int) -> int:
+        if self._end == EACH_MESSAGE:
+            return 0
         one = self._open
-        return None if (stamp != one.stamp or one.is_empty or self._is_unread
-                        or self._end == EACH_MESSAGE) else one.group
+        ends = self._end == NEW_STAMP and stamp != one.stamp and not one.is_empty
+        group = self._next if ends else one.group
+        taken = group.take_run(run, self._store.max_count - len(group), frame_id, stamp)
+        if taken:
+            self._add(Message(CONTINUES, stamp, stamp, True), now, taken)
+        return taken
+
+    def _add(self, message: Message, now: int, taken: int = 0) -> _Listing:
+        """Return the listing that obstacles belong to, of which it may have taken some."""
+        self._continue(message, now)
+        one = self._join(message, now)
+        self.newest = max(self.newest, message.stamp)
+        if message.time < one.time:
+            place = len(one.group) - taken if message.instance is None else message.instance
+            one.time, one.oldest = message.time, ObstacleId(self._store.source, place)
+        one.begun = min(one.begun, now)
+        return one
 
     def end(self, message: Message, now: int) -> None:
         """Receive an empty polygon: the end of a set, or a set of none."""
@@ -347,7 +352,8 @@ class Listings(Knowledge):
 
     def _new_listing(self, is_sound: bool, stamp: float = -NEVER) -> _Listing:
         self._store.listings += 1
-        return _Listing(self._store.new_set(), self._store.listings, is_sound, stamp)
+        group, self._next = self._next, self._store.new_set()
+        return _Listing(group, self._store.listings, is_sound, stamp)
 
 
 class Refreshed(Knowledge):
@@ -411,7 +417,7 @@ class Refreshed(Knowledge):
             if end not in self._parts:
                 self._parts[end] = self._store.new_set()
             self._parts[end].take(message.body, message.frame_id, message.time)
-            self.gather(message.stamp, 1)
+            self._gather(message.stamp, 1)
         else:
             refusal = TOO_MANY
         if refusal is TOO_MANY:
@@ -434,13 +440,16 @@ class Refreshed(Knowledge):
         if stamp > self._begun + self.timeout + self._tolerance:
             self.is_known = True
 
+    def receive_run(self, run: Run, frame_id: str, stamp: int, now: int) -> int:
+        part = self._parts.get(self._end_of_part(stamp))
+        taken = 0 if part is None else part.take_run(run, self.room, frame_id, stamp)
+        if taken:
+            self._continue(Message(CONTINUES, stamp, stamp, True), now)
+            self._gather(stamp, taken)
+        return taken
+
     def _end_of_part(self, stamp: int) -> int:
         return (stamp // self._part + 1) * self._part
-
-    def group_to_extend(self, stamp: int) -> SetGroup | None:
-        """Return the group that messages of a stamp only add to."""
-        return None if (self.by_id is not None or stamp != self.newest or self._begun == NEVER
-                        ) else self._parts.get(self._end_of_part(stamp))
 
     def end(self, message: Message, now: int) -> None:
         """Receive an empty polygon, which shows by its stamp that the publisher is alive."""
@@ -482,7 +491,8 @@ class Refreshed(Knowledge):
         return (f'has not been received for {self._timeout_in_words} and future_tolerance, '
                 f'{self._tolerance / 1e9:g} s, without a gap{since}')
 
-    def gather(self, stamp: int, count: int) -> None:
+    def _gather(self, stamp: int, count: int) -> None:
+        """Record how many obstacles came with a stamp."""
         gathered = self._gathered
         if gathered and gathered[-1][0] == stamp:
             count += gathered.pop()[1]

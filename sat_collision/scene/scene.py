@@ -270,19 +270,13 @@ class Scene(SceneView):
                                  refused)
         if read is None:
             refusal = FROM_FUTURE
-        due = (source.deadline if source.timeout == NEVER else
-               (stamp if stamp and stamp < now else now) + source.timeout)
-        if due < self.deadline:
-            self.deadline = due
-        if source.faults is not faults or source.knowledge is not knowledge:
-            self._follow_up(source)
-        elif self._contacts.changed:
-            self._evaluate()
+        self._heed(source, stamp if stamp and stamp < now else now,
+                   source.faults is not faults or source.knowledge is not knowledge)
         return refusal
 
     def obstacle_run(self, name: str, run: Run, frame_id: str, stamp: int, now: int,
                      number: int | None) -> int:
-        """Receive a run of obstacles that continues a set; return how many were taken."""
+        """Receive a run of obstacles of one stamp; return how many were taken."""
         if self.frame_id and frame_id != self.frame_id:
             return 0
         if now != self._now:
@@ -290,11 +284,19 @@ class Scene(SceneView):
         source = self._sources[name]
         faults = source.faults
         taken = source.receive_run(run, frame_id, stamp, number, now)
-        if taken and stamp + source.timeout < self.deadline:
-            self.deadline = stamp + source.timeout
-        if source.faults is not faults:
-            self._follow_up(source)
+        if taken:
+            self._heed(source, stamp, source.faults is not faults)
         return taken
+
+    def _heed(self, source: Source, time: int, is_other: bool) -> None:
+        """Evaluate what follows from obstacles of a time, after which a source may be another."""
+        due = source.deadline if source.timeout == NEVER else time + source.timeout
+        if due < self.deadline:
+            self.deadline = due
+        if is_other:
+            self._follow_up(source)
+        elif self._contacts.changed:
+            self._evaluate()
 
     def refuse(self, name: str, reason: str, now: int, stamp: int | None = None,
                instance: int | None = None, number: int | None = None) -> None:

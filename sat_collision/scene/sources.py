@@ -286,24 +286,23 @@ class Source:
     def receive_run(self, run: Run, frame_id: str, stamp: int, number: int | None,
                     now: int) -> int:
         """
-        Receive messages that add to those of the one before, as `receive` would one by one.
+        Receive messages of one stamp as `receive` would one by one; return how many were taken.
 
-        Return how many were taken; the next one may be refused, may meet a footprint, or may end
-        the set, and must be received by itself.
+        The next one may be refused, may meet a footprint, or may end the set, and must be received
+        by itself.
         """
         knowledge, stream = self.knowledge, self.stream
         expected = stream.next
         if (expected is None or number not in (None, expected) or stream.is_lossy
                 or stream.awaits_endpoint or self._mixed is not None or self._is_far
-                or not 0 < stamp <= now <= stamp + self.timeout):
+                or not 0 < stamp <= now <= stamp + self.timeout
+                or stamp + self.timeout < knowledge.newest):
             return 0
-        group = knowledge.group_to_extend(stamp)
-        if group is None:
-            return 0
-        taken = group.take_run(run, knowledge.room, frame_id, stamp)
+        taken = knowledge.receive_run(run, frame_id, stamp, now)
         if taken:
-            knowledge.gather(stamp, taken)
-            stream.next = expected + taken
+            stream.next = expected + taken - 1
+            stream.receive(number and stream.next, now)
+            self._drop_former()
             if self.faults or knowledge.is_known is not self._was_known:
                 self.find_faults(now)
         return taken

@@ -9,13 +9,16 @@
 
 """Replay as live of recordings whose results are known."""
 
+import random
+
 from builders import collection, polygon_2d, SECOND, serialised
 from published import load
 import pytest
 from recordings import (
-    box, check, COLLECTION, declared, drive, INSTANCE, MARKS, NAMES, POLYGON_2D, published,
-    SOURCE, STAMPS, START, write)
+    box, check, COLLECTION, declared, drive, INSTANCE, MARKS, NAMES, nanoseconds, POLYGON_2D,
+    published, SOURCE, STAMPS, START, write)
 from sat_collision.messages.cdr import decode
+from sat_collision.messages.ingest import Ingest
 from sat_collision.replay import check as replay
 from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.model.result import HEADER, Options, Verdict
@@ -378,3 +381,29 @@ def test_sets_in_one_message_give_what_the_same_sets_give_polygon_by_polygon(tmp
     assert of == wanted
     assert len(found.contacts) == 1 and found.verdict is expected.verdict is Verdict.COLLISION
     assert found.problems == expected.problems == []
+
+
+@pytest.mark.parametrize('seed', range(30))
+def test_messages_received_at_once_give_the_same_as_one_by_one(tmp_path, monkeypatch, seed):
+    """With deadlines and samples between the messages of a set, on which nothing else depends."""
+    rng = random.Random(seed)
+    messages, time = [], 0.0
+    for tick in range(60):
+        count = rng.choice((6, 6, 6, 9))
+        pace = rng.choice((0.0, 0.002, 0.01, 0.03))
+        stamp = nanoseconds(time - rng.choice((0.0, 0.0, 0.4)))
+        messages.append(('/footprint', time, box(rng.choice((0, 0, 5)))))
+        far = [box(8.0 + k, 0.01 * tick) for k in range(count)]
+        far[rng.randrange(count)] = box(rng.choice((8, 8, 5.5)))
+        messages += [('/obstacles', time + (k + 1) * pace, serialised(one, stamp))
+                     for k, one in enumerate([*far, *[[]] * rng.choice((1, 1, 1, 0))])]
+        time += (count + 2) * pace + rng.choice((0.0, 0.05, 0.3))
+    bag = write(tmp_path / 'bag', messages)
+    options = Options(as_live=True, sample=rng.choice((1.0, 0.1, 0.013)), parameters={
+        'release_delay': rng.choice((0.0, 0.007, 0.04)), f'{SOURCE}.timeout': 0.5,
+        f'{SOURCE}.set_end': rng.choice((MARKS, STAMPS))})
+    found = check(bag, options)
+    monkeypatch.setattr(Ingest, 'take_run', lambda *_: 0)
+    expected = check(bag, options)
+    assert expected.contacts and expected.footprints[0].clear
+    assert found == expected

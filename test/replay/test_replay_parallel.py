@@ -56,9 +56,16 @@ def faulty(path, options, marks, fault, forever=False):
     return check(path, options)
 
 
-@pytest.fixture
+@pytest.fixture(scope='module')
+def long_bags(tmp_path_factory):
+    """Return recordings of ten minutes, which are unpacked before they are read."""
+    folder = tmp_path_factory.mktemp('long')
+    return [str(write(folder / f'bag{k}', drive(600.0), 'sqlite3', 'file')) for k in range(2)]
+
+
+@pytest.fixture(scope='module')
 def cluster():
-    """Return the address of a Dask cluster of two worker processes."""
+    """Return the address of a Dask cluster of two worker processes, started again if they die."""
     distributed = pytest.importorskip('distributed')
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True,
                                   protocol='tcp', dashboard_address=None) as cluster:
@@ -124,6 +131,7 @@ def test_cluster_without_workers_left_is_reported(bags, tmp_path, monkeypatch):
             [sys.executable, '-m', 'distributed.cli.dask_worker', cluster.scheduler_address,
              '--no-nanny', '--nthreads', '1', '--no-dashboard'],
             env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)}, stderr=subprocess.PIPE)
+        cluster.wait_for_workers(1)
         results = {result.bag: result for result in command.check_on_cluster(
             bags, OPTIONS, cluster.scheduler_address)}
         worker.communicate()
@@ -146,13 +154,12 @@ def test_relative_paths_are_those_of_the_command(bags, cluster, tmp_path, monkey
 
 @pytest.mark.parametrize('jobs', ('1', '2'))
 @pytest.mark.parametrize('number', (signal.SIGINT, signal.SIGTERM))
-def test_signal_leaves_no_temporary_files(tmp_path, number, jobs):
+def test_signal_leaves_no_temporary_files(long_bags, tmp_path, number, jobs):
     """Whether it comes from the terminal, to all processes, or to the command only."""
     temporary = tmp_path / 'temporary'
     temporary.mkdir()
-    bags = [str(write(tmp_path / f'bag{k}', drive(600.0), 'sqlite3', 'file')) for k in range(2)]
     process = subprocess.Popen(
-        [sys.executable, '-m', 'sat_collision.replay', *bags * 3, '--jobs', jobs],
+        [sys.executable, '-m', 'sat_collision.replay', *long_bags * 3, '--jobs', jobs],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
         env={**os.environ, 'TMPDIR': str(temporary)})
     while len([*temporary.rglob('*.db3')]) < int(jobs):

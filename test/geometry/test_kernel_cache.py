@@ -76,7 +76,8 @@ def test_change_of_a_called_kernel_is_noticed(package):
     assert run(package) == (14.0, 0, 'None')
 
 
-@pytest.mark.parametrize('numba_is', ['tried', 'unknown'])
+@pytest.mark.parametrize('numba_is', [
+    'tried', pytest.param('unknown', marks=pytest.mark.long)])
 def test_change_of_a_kernel_in_another_folder_is_noticed(package, numba_is):
     beside = package.parent / 'motion'
     beside.mkdir()
@@ -178,7 +179,8 @@ def test_damaged_files_are_replaced(package, files):
     assert run(package, PROGRAM_OF_MANY) == (right, len(DAMAGES), 'None')
 
 
-@pytest.mark.parametrize('files', ['*.nbc', pytest.param('*.nbi', marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize('files', ['*.nbc', '*.nbi'])
 def test_missing_files_are_replaced(package, files):
     run(package)
     for path in package.rglob(files):

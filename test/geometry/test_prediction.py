@@ -160,7 +160,8 @@ def posed(body, twist, time):
     return np.column_stack([place.real, place.imag])
 
 
-def test_first_contact_among_moving_bodies():
+@pytest.mark.parametrize('samples', [15, pytest.param(60, marks=pytest.mark.long)])
+def test_first_contact_among_moving_bodies(samples):
     """Never late: samples before it overlap by no more than rounding."""
     rng = np.random.default_rng(3)
     found = 0
@@ -171,7 +172,7 @@ def test_first_contact_among_moving_bodies():
         velocities = rng.uniform(-1, 1, (12, 2)) * (k % 3)
         contact = PolygonSet(others).first_contact(body, twist, 3.0, velocities)
         row, time = contact or (-1, math.inf)
-        for t in np.linspace(0.0, min(time, 3.0), 60)[:-1 if time else 0].tolist():
+        for t in np.linspace(0.0, min(time, 3.0), samples)[:-1 if time else 0].tolist():
             there = posed(body, twist, t)
             assert min(separation(there, other + t * v)
                        for other, v in zip(others, velocities)) > -1e-12
@@ -213,7 +214,7 @@ def test_excluding_obstacles_beside_the_path_changes_nothing(omega, tolerance):
     """
     rng = np.random.default_rng(5)
     met = {True: 0, False: 0}
-    for k in range(150):
+    for k in range(75):
         body = BODIES[k % len(BODIES)] - [0.5, rng.choice([0.0, 0.5])]
         twist = (rng.choice([0.0, 1.0, rng.uniform(-2, 2)]), rng.choice([0.0, 0.5]), omega)
         beside = []
@@ -227,7 +228,7 @@ def test_excluding_obstacles_beside_the_path_changes_nothing(omega, tolerance):
             assert time == time_to_contact(body, twist, others, 3.0, [(1e-300, 0)],
                                            tolerance=tolerance) or not any(twist)
             met[time < math.inf] += 1
-    assert min(met.values()) > 100, met
+    assert min(met.values()) > 50, met
 
 
 def within(margin, body, twist, other, velocities=None):

@@ -51,8 +51,9 @@ def frequent_switches():
     sys.setswitchinterval(before)
 
 
+@pytest.mark.parametrize('times', [200, pytest.param(1000, marks=pytest.mark.long)])
 @pytest.mark.parametrize('query', QUERIES.values(), ids=QUERIES)
-def test_queries_of_one_set_from_several_threads(query, frequent_switches):
+def test_queries_of_one_set_from_several_threads(query, times, frequent_switches):
     """Each thread gets the answers that one thread gets."""
     rng = np.random.default_rng(1)
     bodies = PolygonSet(random_body(rng) for _ in range(60))
@@ -61,7 +62,8 @@ def test_queries_of_one_set_from_several_threads(query, frequent_switches):
     assert len({*map(str, expected)}) > 3
 
     def ask(k):
-        return sum(query(bodies, asked[k]) != expected[k] for _ in range(1000 if COMPILED else 20))
+        return sum(query(bodies, asked[k]) != expected[k]
+                   for _ in range(times if COMPILED else times // 50))
     with ThreadPoolExecutor(len(asked)) as pool:
         assert [*pool.map(ask, range(len(asked)))] == [0] * len(asked)
 

@@ -233,7 +233,8 @@ class FramesMachine(RuleBasedStateMachine):
         self.seen[status] += 1
 
 
-def test_waiting_messages_are_received_in_order():
+@pytest.mark.parametrize('examples', [50, pytest.param(150, marks=pytest.mark.long)])
+def test_waiting_messages_are_received_in_order(examples):
     """
     The model receives each message when its transform has arrived.
 
@@ -241,4 +242,4 @@ def test_waiting_messages_are_received_in_order():
     """
     run_until_seen(FramesMachine, dict.fromkeys((
         'clear', 'collision', 'unknown', 'late', 'exact', 'between', 're-parented', 'refused',
-        'early contact', 'clear while some wait'), 10), examples=150, steps=40)
+        'early contact', 'clear while some wait'), examples // 15), examples, steps=40)

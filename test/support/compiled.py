@@ -22,10 +22,10 @@ def callable_here(*functions):
 
 
 def failures_in_plain_python(file):
-    """Run the tests of a file in another process without numba; return its output if any fail."""
+    """Run the short tests of a file without numba, in another process; return what fails."""
     # The tests of compiled kernels are skipped there, which no gate needs to list.
     result = subprocess.run(
-        [sys.executable, '-m', 'pytest', '-q', '-p', 'no:cacheprovider', file],
+        [sys.executable, '-m', 'pytest', '-q', '-p', 'no:cacheprovider', '-m', 'not long', file],
         capture_output=True, text=True,
         env={**os.environ, 'NUMBA_DISABLE_JIT': '1', 'ALLOWED_SKIPS': ''})
     return result.stdout if result.returncode else ''

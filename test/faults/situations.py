@@ -475,7 +475,7 @@ _REFUSED = {
 SITUATIONS = {
     **{f'{what}: {form}': Situation(
         partial(act, **options), promise, parameters,
-        is_short=act is _killed_in_a_set and form in ('empty polygons', 'nothing declared'))
+        is_short=act is _killed_in_a_set and form == 'empty polygons')
        for what, act in (
            ('the monitor is stopped for 60 to 300 ms again and again', _monitor_stopped),
            ('the publisher is stopped for 60 to 300 ms again and again', _publisher_stopped),
@@ -484,7 +484,7 @@ SITUATIONS = {
        for form, (parameters, options, promise) in _FORMS.items()},
     **{f'each polygon is stamped when it is sent, 30 ms apart: {what}': Situation(
         _lasting(4.0, publishers.own_stamps, marks=marks), promise, parameters,
-        is_short=what != 'empty polygons that are not declared')
+        is_short=what == 'nothing declared')
        for what, marks, parameters, promise in (
            ('empty polygons', True, {}, 0.4), ('nothing declared', False, _NO_MARKS, 1.5),
            ('empty polygons that are not declared', True, _NO_MARKS, 1.5))},
@@ -499,10 +499,10 @@ SITUATIONS = {
     'the static transform of the frame of a map is corrected': Situation(
         _map_moves, 1.0, {**_LATCHED_MAP, 'frame_id': 'map'}, is_short=True),
     'a map of more than half of max_count is sent again': Situation(
-        _map_grows, 1.0, {**_MAP, 'obstacle.max_count': 8}, is_short=True),
+        _map_grows, 1.0, {**_MAP, 'obstacle.max_count': 8}),
     **{f'two messages of one id with one stamp, the id {instance}': Situation(
-        _lasting(4.0, publishers.same_stamp, instance=instance, **_IDS), 1.4, _BY_ID,
-        is_short=instance == 7) for instance in (0, 7)},
+        _lasting(4.0, publishers.same_stamp, instance=instance, **_IDS), 1.4, _BY_ID)
+       for instance in (0, 7)},
     'no message can be decoded any more': Situation(
         _undecodable, 1.0, _SHORT, is_short=True,
         says='has sent nothing of use for longer than its timeout of 1 s: a message was refused: '
@@ -541,7 +541,7 @@ SITUATIONS = {
     'a tracker is killed 1.4 s after it sent the contact': Situation(
         _tracker_killed, 2.4, _SLOW),
     'a footprint stamped 0.9 s ahead': Situation(
-        _ahead(publishers.robot_ahead, '/footprint'), footprint=False, is_short=True),
+        _ahead(publishers.robot_ahead, '/footprint'), footprint=False),
     'odometry stamped 0.9 s ahead': Situation(
         _ahead(publishers.odometry_ahead, '/odom', kind=Odometry),
         parameters={**_OUTLINE, 'footprint.odometry': '/odom'}, footprint=False),

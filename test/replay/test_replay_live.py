@@ -46,7 +46,9 @@ def without_repetition(items):
     return [item for item, _ in itertools.groupby(items)]
 
 
-@pytest.mark.parametrize('name', NAMES)
+@pytest.mark.parametrize('name', [
+    pytest.param(name, marks=() if 'commonroad' in name else pytest.mark.long)
+    for name in NAMES])
 def test_live_node_and_replay_publish_the_same(start, tmp_path, name):
     """
     The node publishes the same changes of state that replay writes to a bag.

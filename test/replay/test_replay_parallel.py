@@ -86,7 +86,7 @@ def test_progress_of_several_jobs_counts_recordings(bags, monkeypatch):
     assert shown == [0.25, 0.5, 0.75]
 
 
-@pytest.mark.parametrize('fault', (dies, fails))
+@pytest.mark.parametrize('fault', (dies, pytest.param(fails, marks=pytest.mark.long)))
 def test_lost_process_is_retried(bags, tmp_path, monkeypatch, fault):
     """No result is lost or doubled."""
     monkeypatch.setattr(command, 'check_one', functools.partial(
@@ -152,8 +152,10 @@ def test_relative_paths_are_those_of_the_command(bags, cluster, tmp_path, monkey
     assert outs[0] == outs[1] and 'bad.mcap: BAD INPUT' in outs[0] and str(tmp_path) not in outs[0]
 
 
-@pytest.mark.parametrize('jobs', ('1', '2'))
-@pytest.mark.parametrize('number', (signal.SIGINT, signal.SIGTERM))
+@pytest.mark.parametrize('number, jobs', (
+    (signal.SIGINT, '2'), (signal.SIGTERM, '1'),
+    *(pytest.param(*one, marks=pytest.mark.long)
+      for one in ((signal.SIGINT, '1'), (signal.SIGTERM, '2')))))
 def test_signal_leaves_no_temporary_files(long_bags, tmp_path, number, jobs):
     """Whether it comes from the terminal, to all processes, or to the command only."""
     temporary = tmp_path / 'temporary'

@@ -9,11 +9,14 @@
 """
 Checks of recordings: what touched, and what the monitor would have said.
 
-command    what the command replay_check does, for one recording or for many at a time
+command    what the command replay_check does
 arguments  what its command line means
-run        one recording through the monitor
-order      messages in the order in which a run takes them
+parallel   many recordings at a time
+check      one recording through the monitor
+order      messages in the order in which a check takes them
 live       what the monitor would have said, over time
+plans      the plans of a recording, each checked when it comes
+losses     what the recorder itself says was lost
 motion     contacts by recorded motion
 output     results for people, machines and other nodes
 model      options, configuration, topics, results

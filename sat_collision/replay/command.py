@@ -7,35 +7,24 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""
-The command replay_check.
-
-Recordings are checked one by one, or many at a time: by processes of this machine, or by the
-workers of a Dask cluster.
-"""
+"""The command replay_check."""
 
 from __future__ import annotations
 
 import argparse
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import as_completed, ProcessPoolExecutor
-from contextlib import suppress
-from dataclasses import fields, replace
+from dataclasses import fields
 from functools import partial
-import multiprocessing
 import os
 from pathlib import Path
-import signal
 import sys
-import tempfile
-import time
 import traceback
 
 from sat_collision.extras import in_one_line, missing, printable, unexpected
 from sat_collision.replay.arguments import parse
 from sat_collision.replay.bag.storage import check_bag_writer
-from sat_collision.replay.check import check, OnProgress
+from sat_collision.replay.check import check
 from sat_collision.replay.model.configuration import (
     parameter_of_text, parameters_of_file, settings_of)
 from sat_collision.replay.model.result import Options, overall, Result, SEVERITY, Verdict
@@ -43,16 +32,11 @@ from sat_collision.replay.output.formats import (
     BaselineError, differences_from, read_baseline, write_csv, write_json, write_junit,
     write_junit_of_differences)
 from sat_collision.replay.output.text import Progress, report, report_all, with_colour
+from sat_collision.replay.parallel import check_here, check_on_cluster, check_one, failed
 from sat_collision.scene.parameters import ParameterError
 
 _OF_RECORDING = ('.mcap', '.db3', '.zstd', '.db3-wal', '.db3-shm', '.db3-journal')
 _PICTURES = ('.png', '.svg', '.pdf')
-# How often a recording is tried in all whose process or worker dies.
-_ATTEMPTS = 3
-# How long to wait for a scheduler, s.
-_TIMEOUT = 10
-# For how long a cluster may have no worker, s: some start workers when they are needed.
-_NO_WORKER = 60.0
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -239,121 +223,6 @@ def _results(arguments: argparse.Namespace, options: Options) -> Iterator[Result
         finally:
             progress.clear()
         yield result
-
-
-def check_one(path: str, options: Options, progress: OnProgress | None = None) -> Result:
-    """Check one of several recordings; a bag written for it has a directory of its own."""
-    if options.write_bag:
-        options = replace(options, write_bag=str(Path(options.write_bag, Path(path).stem)))
-    return check(path, options, progress)
-
-
-def check_here(paths: Iterable[str], options: Options, jobs: int) -> Iterator[Result]:
-    """Yield the Result of each recording when it is there, from processes of this machine."""
-    # However they end, their temporary files are removed.
-    with tempfile.TemporaryDirectory(prefix='replay_check_') as folder:
-        yield from _check_in_processes(paths, options, jobs, folder)
-
-
-def _check_in_processes(paths: Iterable[str], options: Options, jobs: int,
-                        folder: str) -> Iterator[Result]:
-    again = []
-    pool = _pool(jobs, folder)
-    try:
-        futures = {pool.submit(check_one, path, options): path for path in paths}
-        for future in as_completed(futures):
-            if future.exception():
-                again.append(futures[future])
-            else:
-                yield future.result()
-    except BaseException:
-        # End running checks, and cancel pending ones.
-        pool.shutdown(wait=False, cancel_futures=True)
-        processes = multiprocessing.active_children()
-        for process in processes:
-            process.terminate()
-        for process in processes:
-            process.join()
-        raise
-    pool.shutdown()
-    # When a process dies, all running checks fail: run them again one by one.
-    for path in again:
-        for _ in range(_ATTEMPTS - 1):
-            with _pool(1, folder) as pool:
-                future = pool.submit(check_one, path, options)
-            error = future.exception()
-            if not error:
-                break
-        yield failed(path, options, error, _ATTEMPTS) if error else future.result()
-
-
-def _pool(jobs: int, folder: str) -> ProcessPoolExecutor:
-    """Return a pool of processes with a folder for temporary files."""
-    return ProcessPoolExecutor(jobs, multiprocessing.get_context('spawn'), _begin, (folder,))
-
-
-def _begin(folder: str) -> None:
-    """Let a process end silently when it is interrupted at the terminal."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-    tempfile.tempdir = folder
-
-
-def check_on_cluster(paths: Iterable[str], options: Options, address: str) -> Iterator[Result]:
-    """
-    Yield the Result of each recording when it is there, from the workers of a Dask cluster.
-
-    Workers must see the same paths, and have this package. The scheduler gives the recordings of a
-    lost worker to others; those that are left when there is no worker any more fail. If no
-    scheduler answers at the address, an OSError is raised.
-    """
-    import distributed
-    try:
-        connected = distributed.Client(address, timeout=_TIMEOUT, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise OSError(
-            f'--dask: no scheduler answers at {address}: {in_one_line(error)}') from error
-    with connected as client:
-        there = options if options.write_bag is None else replace(
-            options, write_bag=os.path.abspath(options.write_bag))
-        futures = {client.submit(check_one, os.path.abspath(path), there, pure=False,
-                                 retries=_ATTEMPTS - 1, key=f'replay_check-{number}-{path}'): path
-                   for number, path in enumerate(paths)}
-        has_worker = time.monotonic()
-        while futures:
-            with client.as_current(), suppress(distributed.TimeoutError):
-                distributed.wait([*futures], 1.0, 'FIRST_COMPLETED')
-            if client.nthreads():
-                has_worker = time.monotonic()
-            elif time.monotonic() > has_worker + _NO_WORKER:
-                gone = OSError('the cluster has no worker left')
-                yield from (failed(path, options, gone) for path in futures.values())
-                return
-            for future in [one for one in futures if one.done()]:
-                try:
-                    fault = future.exception(_NO_WORKER)
-                    result = None if fault else future.result(_NO_WORKER)
-                except distributed.TimeoutError:
-                    # It was lost with its worker, and is found anew.
-                    continue
-                path = futures.pop(future)
-                yield (failed(path, options, fault, _ATTEMPTS) if result is None
-                       else _as_given(result, path))
-
-
-def _as_given(result: Result, path: str) -> Result:
-    """Return a result of a worker with the path that was given."""
-    there = os.path.abspath(path)
-    return replace(result, bag=path, problems=[
-        problem.replace(there, path, 1) for problem in result.problems])
-
-
-def failed(path: str, options: Options, error: BaseException, attempts: int = 1) -> Result:
-    """Return the Result of a recording that could not be checked."""
-    if options.debug:
-        traceback.print_exception(type(error), error, error.__traceback__)
-    tried = f', {attempts} attempts failed' if attempts > 1 else ''
-    return Result(str(path), options,
-                  problems=[f'{path}: not checked{tried}: {unexpected(error)}'])
 
 
 class _Terminal:

@@ -20,7 +20,7 @@ from xml.etree import ElementTree
 
 import pytest
 from recordings import box, check, DECLARED, drive, main, write
-from sat_collision.replay import command
+from sat_collision.replay import command, parallel
 
 CLEAR = drive(2.0, contact=(0, 0))
 TOUCHING = drive(2.0, contact=(1.0, 1.5))
@@ -205,7 +205,7 @@ def test_missing_library_is_reported_with_what_to_install(
 
 def test_scheduler_that_does_not_answer(bags, capsys, monkeypatch):
     pytest.importorskip('distributed')
-    monkeypatch.setattr(command, '_TIMEOUT', 1)
+    monkeypatch.setattr(parallel, '_TIMEOUT', 1)
     assert main([bags[0], '--dask', 'tcp://127.0.0.1:9']) == 3
     lines = [line for line in capsys.readouterr().err.splitlines() if 'replay_check' in line]
     assert lines[0] == 'replay_check: connecting to tcp://127.0.0.1:9'

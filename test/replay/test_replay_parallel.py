@@ -20,7 +20,7 @@ import time
 
 import pytest
 from recordings import check, declared, drive, main, MARKS, NAMES, published, STAMPS, write
-from sat_collision.replay import command
+from sat_collision.replay import command, parallel
 from sat_collision.replay.model.result import Options, Verdict
 
 OPTIONS = Options(parameters=declared(MARKS))
@@ -73,8 +73,8 @@ def cluster():
 
 
 def test_jobs_give_the_same_results(bags):
-    alone = [command.check_one(bag, OPTIONS) for bag in bags]
-    assert summed(command.check_here(bags, OPTIONS, 2)) == summed(alone)
+    alone = [parallel.check_one(bag, OPTIONS) for bag in bags]
+    assert summed(parallel.check_here(bags, OPTIONS, 2)) == summed(alone)
     assert [result.verdict for result in alone] == [Verdict.CLEAR, Verdict.COLLISION] * 2
 
 
@@ -89,33 +89,33 @@ def test_progress_of_several_jobs_counts_recordings(bags, monkeypatch):
 @pytest.mark.parametrize('fault', (dies, pytest.param(fails, marks=pytest.mark.long)))
 def test_lost_process_is_retried(bags, tmp_path, monkeypatch, fault):
     """No result is lost or doubled."""
-    monkeypatch.setattr(command, 'check_one', functools.partial(
+    monkeypatch.setattr(parallel, 'check_one', functools.partial(
         faulty, marks=str(tmp_path), fault=fault))
-    results = list(command.check_here(bags, OPTIONS, 2))
+    results = list(parallel.check_here(bags, OPTIONS, 2))
     assert sorted(result.bag for result in results) == bags
     assert all(not result.problems for result in results)
 
 
 def test_recording_that_kills_every_process(bags, tmp_path, monkeypatch):
     """It is bad input after three attempts; all others are checked."""
-    monkeypatch.setattr(command, 'check_one', functools.partial(
+    monkeypatch.setattr(parallel, 'check_one', functools.partial(
         faulty, marks=str(tmp_path), fault=dies, forever=True))
-    results = {result.bag: result for result in command.check_here(bags, OPTIONS, 2)}
+    results = {result.bag: result for result in parallel.check_here(bags, OPTIONS, 2)}
     assert sorted(results) == bags
     assert [bag for bag in bags if results[bag].problems] == [bags[3]]
     assert '3 attempts' in results[bags[3]].problems[0]
 
 
 def test_cluster_gives_the_same_results(bags, cluster):
-    alone = [command.check_one(bag, OPTIONS) for bag in bags]
-    assert summed(command.check_on_cluster(bags, OPTIONS, cluster)) == summed(alone)
+    alone = [parallel.check_one(bag, OPTIONS) for bag in bags]
+    assert summed(parallel.check_on_cluster(bags, OPTIONS, cluster)) == summed(alone)
 
 
 @pytest.mark.parametrize('fault', (dies, fails))
 def test_lost_worker_is_retried(bags, tmp_path, monkeypatch, cluster, fault):
-    monkeypatch.setattr(command, 'check_one', functools.partial(
+    monkeypatch.setattr(parallel, 'check_one', functools.partial(
         faulty, marks=str(tmp_path), fault=fault))
-    results = list(command.check_on_cluster(bags, OPTIONS, cluster))
+    results = list(parallel.check_on_cluster(bags, OPTIONS, cluster))
     assert sorted(result.bag for result in results) == bags
     assert all(not result.problems for result in results)
 
@@ -123,8 +123,8 @@ def test_lost_worker_is_retried(bags, tmp_path, monkeypatch, cluster, fault):
 def test_cluster_without_workers_left_is_reported(bags, tmp_path, monkeypatch):
     """Instead of waiting for ever: here its one worker dies, and nothing starts it again."""
     distributed = pytest.importorskip('distributed')
-    monkeypatch.setattr(command, '_NO_WORKER', 2.0)
-    monkeypatch.setattr(command, 'check_one', functools.partial(
+    monkeypatch.setattr(parallel, '_NO_WORKER', 2.0)
+    monkeypatch.setattr(parallel, 'check_one', functools.partial(
         faulty, marks=str(tmp_path), fault=dies, forever=True))
     with distributed.LocalCluster(n_workers=0, protocol='tcp', dashboard_address=None) as cluster:
         worker = subprocess.Popen(
@@ -132,7 +132,7 @@ def test_cluster_without_workers_left_is_reported(bags, tmp_path, monkeypatch):
              '--no-nanny', '--nthreads', '1', '--no-dashboard'],
             env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)}, stderr=subprocess.PIPE)
         cluster.wait_for_workers(1)
-        results = {result.bag: result for result in command.check_on_cluster(
+        results = {result.bag: result for result in parallel.check_on_cluster(
             bags, OPTIONS, cluster.scheduler_address)}
         worker.communicate()
     assert sorted(results) == bags
@@ -197,6 +197,6 @@ def test_reports_are_in_the_order_of_the_command(bags, monkeypatch, capsys):
             if line.startswith(tuple(given))] == given
     for order in permutations(given):
         monkeypatch.setattr(command, 'check_here', lambda _, options, jobs: (
-            command.check_one(bag, options) for bag in order))
+            parallel.check_one(bag, options) for bag in order))
         assert main([*given, '--jobs', '2']) == 1
         assert capsys.readouterr().out == alone

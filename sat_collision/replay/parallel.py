@@ -1,0 +1,154 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""
+Checks of many recordings at a time: by processes of this machine, or by workers of a Dask cluster.
+
+A recording that cannot be checked gives a Result that says why.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from concurrent.futures import as_completed, ProcessPoolExecutor
+from contextlib import suppress
+from dataclasses import replace
+import multiprocessing
+import os
+from pathlib import Path
+import signal
+import tempfile
+import time
+import traceback
+
+from sat_collision.extras import in_one_line, unexpected
+from sat_collision.replay.check import check, OnProgress
+from sat_collision.replay.model.result import Options, Result
+
+# How often a recording is tried in all whose process or worker dies.
+_ATTEMPTS = 3
+# How long to wait for a scheduler, s.
+_TIMEOUT = 10
+# For how long a cluster may have no worker, s: some start workers when they are needed.
+_NO_WORKER = 60.0
+
+
+def check_one(path: str, options: Options, progress: OnProgress | None = None) -> Result:
+    """Check one of several recordings; a bag written for it has a directory of its own."""
+    if options.write_bag:
+        options = replace(options, write_bag=str(Path(options.write_bag, Path(path).stem)))
+    return check(path, options, progress)
+
+
+def check_here(paths: Iterable[str], options: Options, jobs: int) -> Iterator[Result]:
+    """Yield the Result of each recording when it is there, from processes of this machine."""
+    # However they end, their temporary files are removed.
+    with tempfile.TemporaryDirectory(prefix='replay_check_') as folder:
+        yield from _check_in_processes(paths, options, jobs, folder)
+
+
+def _check_in_processes(paths: Iterable[str], options: Options, jobs: int,
+                        folder: str) -> Iterator[Result]:
+    again = []
+    pool = _pool(jobs, folder)
+    try:
+        futures = {pool.submit(check_one, path, options): path for path in paths}
+        for future in as_completed(futures):
+            if future.exception():
+                again.append(futures[future])
+            else:
+                yield future.result()
+    except BaseException:
+        # End running checks, and cancel pending ones.
+        pool.shutdown(wait=False, cancel_futures=True)
+        processes = multiprocessing.active_children()
+        for process in processes:
+            process.terminate()
+        for process in processes:
+            process.join()
+        raise
+    pool.shutdown()
+    # When a process dies, all running checks fail: run them again one by one.
+    for path in again:
+        for _ in range(_ATTEMPTS - 1):
+            with _pool(1, folder) as pool:
+                future = pool.submit(check_one, path, options)
+            error = future.exception()
+            if not error:
+                break
+        yield failed(path, options, error, _ATTEMPTS) if error else future.result()
+
+
+def _pool(jobs: int, folder: str) -> ProcessPoolExecutor:
+    """Return a pool of processes with a folder for temporary files."""
+    return ProcessPoolExecutor(jobs, multiprocessing.get_context('spawn'), _begin, (folder,))
+
+
+def _begin(folder: str) -> None:
+    """Let a process end silently when it is interrupted at the terminal."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    tempfile.tempdir = folder
+
+
+def check_on_cluster(paths: Iterable[str], options: Options, address: str) -> Iterator[Result]:
+    """
+    Yield the Result of each recording when it is there, from the workers of a Dask cluster.
+
+    Workers must see the same paths, and have this package. The scheduler gives the recordings of a
+    lost worker to others; those that are left when there is no worker any more fail. If no
+    scheduler answers at the address, an OSError is raised.
+    """
+    import distributed
+    try:
+        connected = distributed.Client(address, timeout=_TIMEOUT, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise OSError(
+            f'--dask: no scheduler answers at {address}: {in_one_line(error)}') from error
+    with connected as client:
+        there = options if options.write_bag is None else replace(
+            options, write_bag=os.path.abspath(options.write_bag))
+        futures = {client.submit(check_one, os.path.abspath(path), there, pure=False,
+                                 retries=_ATTEMPTS - 1, key=f'replay_check-{number}-{path}'): path
+                   for number, path in enumerate(paths)}
+        has_worker = time.monotonic()
+        while futures:
+            with client.as_current(), suppress(distributed.TimeoutError):
+                distributed.wait([*futures], 1.0, 'FIRST_COMPLETED')
+            if client.nthreads():
+                has_worker = time.monotonic()
+            elif time.monotonic() > has_worker + _NO_WORKER:
+                gone = OSError('the cluster has no worker left')
+                yield from (failed(path, options, gone) for path in futures.values())
+                return
+            for future in [one for one in futures if one.done()]:
+                try:
+                    fault = future.exception(_NO_WORKER)
+                    result = None if fault else future.result(_NO_WORKER)
+                except distributed.TimeoutError:
+                    # It was lost with its worker, and is found anew.
+                    continue
+                path = futures.pop(future)
+                yield (failed(path, options, fault, _ATTEMPTS) if result is None
+                       else _as_given(result, path))
+
+
+def _as_given(result: Result, path: str) -> Result:
+    """Return a result of a worker with the path that was given."""
+    there = os.path.abspath(path)
+    return replace(result, bag=path, problems=[
+        problem.replace(there, path, 1) for problem in result.problems])
+
+
+def failed(path: str, options: Options, error: BaseException, attempts: int = 1) -> Result:
+    """Return the Result of a recording that could not be checked."""
+    if options.debug:
+        traceback.print_exception(type(error), error, error.__traceback__)
+    tried = f', {attempts} attempts failed' if attempts > 1 else ''
+    return Result(str(path), options,
+                  problems=[f'{path}: not checked{tried}: {unexpected(error)}'])

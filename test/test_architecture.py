@@ -8,7 +8,7 @@
 # language governing permissions and limitations under the License.
 
 
-"""The structure of the project: imports, lengths of files, and generated documents."""
+"""The structure of the project: imports, lengths of files, generated documents, stable names."""
 
 import ast
 import re
@@ -146,6 +146,20 @@ def test_generated_documents_are_up_to_date():
     assert len(found) == 6
     for path, text in found.items():
         assert path.read_text() == text, path.name
+
+
+def test_stable_surface_is_as_stored():
+    """Whether names, types, defaults, limits or signatures have changed."""
+    pytest.importorskip('rosbags')
+    from surface import STORED, surface
+    stored, found = STORED.read_text().splitlines(), surface()
+    gone = [line for line in stored if line not in found]
+    new = [line for line in found if line not in stored]
+    assert not (gone or new), '\n'.join([
+        'what docs/stability.md promises has changed. A line that is gone, or has another type,',
+        'default, limit or signature, needs a major version; a new one a minor version. Both need',
+        'a line in CHANGELOG.rst. If it is meant, make surface writes test/surface.txt anew.',
+        *(f'- {line}' for line in gone), *(f'+ {line}' for line in new)])
 
 
 def test_recipe_shows_the_shipped_nav2_parameters():

@@ -7,7 +7,7 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""The recipes of docs/recipes.md with a running monitor."""
+"""The recipes of docs/recipes.md with a running monitor, and its picture of a plan."""
 
 import json
 from pathlib import Path
@@ -19,6 +19,7 @@ pytest.importorskip('rclpy')
 
 from geometry_msgs.msg import Point32, Polygon  # noqa: E402, I100
 from harness import box, to_time  # noqa: E402
+from sat_collision import first_contact_along  # noqa: E402
 from std_msgs.msg import Header  # noqa: E402
 
 PAGE = (Path(__file__).resolve().parents[2] / 'docs' / 'recipes.md').read_text()
@@ -105,3 +106,12 @@ def test_costmap_converter(start):
     for x, state in ((2.0, 'clear'), (4.0, 'collision'), (10.0, 'clear'), (9.0, 'collision'),
                      (11.5, 'collision'), (2.0, 'clear')):
         monitor.until(lambda: state_is(state, x), f'{state} at {x}', 60.0)
+
+
+def test_plan_of_the_picture_is_free_but_for_a_turn_that_touches():
+    """As its caption says: between two poses, each of which is free."""
+    pytest.importorskip('matplotlib')
+    from path_picture import BODY, draw, POSES, SHELVES
+    assert all(first_contact_along(BODY, [pose], SHELVES) is None for pose in POSES)
+    assert 4.0 < first_contact_along(BODY, POSES, SHELVES).pose < 5.0
+    assert draw().axes

@@ -7,16 +7,17 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""The loop: batches, fairness, and reports of messages that come too fast."""
+"""The loop: batches, fairness, what is done after flags, and messages that come too fast."""
 
 from contextlib import contextmanager
+import importlib
 import itertools
 import time
 
 from geometry_msgs.msg import PolygonStamped
 from harness import (
-    APART, box, health, LASTING, MonitorPeer, ROBOT, RunningMonitor, SECOND, streaming,
-    to_parameters, TOUCHING, values)
+    APART, box, health, LASTING, MonitorPeer, polygon_message, ROBOT, RunningMonitor, SECOND,
+    streaming, to_parameters, TOUCHING, values)
 import pytest
 import rclpy
 from rclpy.duration import Duration
@@ -206,3 +207,50 @@ def test_node_stays_responsive_while_messages_stream(start, domain):
         monitor.set_clock(3600 * SECOND)
         monitor.send('footprint', ROBOT, 3600 * SECOND)
         monitor.await_state('collision')
+
+
+NAMES = [f'robot{k}' for k in range(12)]
+# Of each that a node looks ahead for: where it is predicted, and the parameters.
+FLAGS = 'sat_collision.scene.scene', {f'{name}__min_time_to_collision': 1.0 for name in NAMES}
+FIGURES = 'sat_collision.scene.view', {}
+
+
+@pytest.mark.parametrize(('module', 'parameters'), [FLAGS, FIGURES])
+def test_message_during_predictions_has_its_flag_published_first(
+        start, monkeypatch, module, parameters):
+    """It does not wait until the others are predicted, each of which takes longer than a part."""
+    running = start(footprints=NAMES, obstacle__timeout=60.0, **parameters,
+                    **{f'{name}__timeout': 0.0 for name in NAMES})
+    for k, name in enumerate(NAMES):
+        running.send(name, box(0, 10 * k))
+    running.send_set('obstacles', APART)
+    for name in NAMES:
+        running.await_state('clear', name)
+    publisher = running.publisher(NAMES[-1])
+    happened = []
+    module = importlib.import_module(module)
+    predict = module.predict
+
+    def predict_slowly(footprint, *others):
+        if footprint.settings.name == NAMES[2] and 'sent' not in happened:
+            publisher.publish(polygon_message(APART, running.now()))
+            assert publisher.wait_for_all_acked(Duration(seconds=60))
+            happened.append('sent')
+        happened.append(footprint.settings.name)
+        time.sleep(0.002)
+        return predict(footprint, *others)
+
+    flag = running.monitor._outputs._flags[NAMES[-1]]
+    publish = flag.publish
+
+    def publish_flag(data):
+        if data[4]:
+            happened.append('raised')
+        publish(data)
+    monkeypatch.setattr(flag, 'publish', publish_flag)
+    monkeypatch.setattr(module, 'predict', predict_slowly)
+    running.until(lambda: 'raised' in happened, 'a flag')
+    between = happened[happened.index('sent') + 1:happened.index('raised')]
+    assert between in ([NAMES[2]], [NAMES[2], NAMES[-1]])
+    running.send(NAMES[-1], ROBOT)
+    running.until(lambda: happened.count(NAMES[-2]) > 2, 'predictions of the others')

@@ -7,13 +7,45 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Real recordings, published to a running node."""
+"""Recordings published to a running node: contacts are exact, and replay writes the same."""
+
+import itertools
+import time
 
 from builders import serialised
-from harness import SECOND, to_ns
+from harness import to_ns
 from published import load
 import pytest
-from recordings import by_stamp, published
+from recordings import by_stamp, check, declared, NAMES, published, STAMPS
+from rosbags.highlevel import AnyReader
+from sat_collision.replay.model.result import Options
+
+SECOND = 10**9
+STORAGES = 'mcap', 'sqlite3'
+
+
+def content_of(status):
+    """Return the state, contacts and reason of a status."""
+    values = {pair.key: pair.value for pair in status.values}
+    return values['state'], values['obstacles in contact'], values['reason']
+
+
+def between(begin, end, arrays):
+    """Return the contents of states within a time range, without repetition."""
+    return without_repetition(content_of(array.status[0]) for array in arrays
+                              if begin <= to_ns(array.header.stamp) <= end)
+
+
+def wait(condition):
+    """Wait for the node, which runs in its own thread, without receiving its messages."""
+    end = time.monotonic() + 60.0
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(1e-4)
+
+
+def without_repetition(items):
+    return [item for item, _ in itertools.groupby(items)]
 
 
 @pytest.mark.parametrize('name, storage', (
@@ -49,3 +81,49 @@ def test_contacts_of_a_recording_are_exact(start, name, storage):
         assert monitor.contacts() == [f'obstacle/{index}' for index, _, _ in frame['hits']]
         assert monitor.state() == ('collision' if frame['hits'] else 'clear'), monitor.reason()
     assert stamps == [frame['stamp_ns'] for frame in expected]
+
+
+@pytest.mark.parametrize('name', [
+    pytest.param(name, marks=() if 'commonroad' in name else pytest.mark.long)
+    for name in NAMES])
+def test_live_node_and_replay_publish_the_same(start, tmp_path, name):
+    """
+    The node publishes the same changes of state that replay writes to a bag.
+
+    The recording is played in order, each message once the previous one is counted; the clock
+    follows header stamps and advances until each set is whole. All changes within a stamp are
+    compared, from the third stamp on: the node knows more about the first set, because it is
+    its publisher's first.
+    """
+    bag = published(name, STORAGES[NAMES.index(name) % 2])
+    monitor = start(use_sim_time=True, publish_rate=5.0, obstacle__set_end=STAMPS)
+    received = monitor.listen('~/state', 10_000)
+    flags = monitor.listen('~/collision', 10_000)
+    sent = 0
+    stamps = []
+    monitor.set_clock(next(by_stamp(bag))[0])
+    monitor.until(lambda: monitor.status() and '/clock' not in monitor.reason(), 'the clock')
+    for stamp, messages in by_stamp(bag):
+        monitor.set_clock(stamp)
+        wait(lambda: monitor.monitor.get_clock().now().nanoseconds == stamp)
+        for topic, data in messages:
+            monitor.publisher(topic).publish(data)
+            sent += 1
+            wait(lambda: monitor.received.total() == sent)
+        stamps.append(stamp)
+        monitor.set_clock(stamp + SECOND // 16)
+        wait(lambda: monitor.monitor._scene.deadline > stamp + SECOND // 16)
+    monitor.until(lambda: received and to_ns(received[-1].header.stamp) > stamp, 'the last state')
+    check(bag, Options(clock='header', as_live=True, write_bag=str(tmp_path / 'out'),
+                       parameters={'publish_rate': 5.0, **declared(STAMPS)}))
+    states, raised = [], []
+    with AnyReader([tmp_path / 'out']) as reader:
+        for connection, _, data in reader.messages():
+            message = reader.deserialize(data, connection.msgtype)
+            if connection.topic == '/footprint_monitor/state':
+                states.append(message)
+            elif connection.topic == '/footprint_monitor/collision':
+                raised.append(message.data)
+    assert between(stamps[2], stamp, received) == between(stamps[2], stamp, states)
+    raised = without_repetition(raised)[2:]
+    assert without_repetition(flag.data for flag in flags)[-len(raised):] == raised

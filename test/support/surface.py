@@ -10,7 +10,7 @@
 """
 What docs/stability.md promises, from the code: a line for each name, with type and default.
 
-Run as a program it writes test/surface.txt, with which test_surface.py compares the code.
+Run as a program it writes test/surface.txt, with which test_architecture.py compares the code.
 """
 
 import argparse

@@ -6,10 +6,11 @@
 # writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
-"""The scene of the demo has exactly its listed contacts, and the demo reports them."""
+"""The scene of the demo has exactly its listed contacts; the demo and the first try report."""
 
 import os
 import re
+import signal
 import subprocess
 import sys
 
@@ -92,3 +93,18 @@ def test_demo_succeeds(tmp_path):
         red, green, blue = np.moveaxis(np.asarray(frames.convert('RGB')), 2, 0)
         assert ((red > 200) & (green < 60) & (blue < 60)).any()
     assert movie.stat().st_size < 3e6
+
+
+def test_what_the_node_says_is_printed(start, run):
+    """A contact and its end, from publishers in a process of their own, until an interrupt."""
+    pytest.importorskip('rclpy')
+    start()
+    process = run('-m', 'sat_collision.demo.publish', stdout=subprocess.PIPE, text=True)
+    said = [process.stdout.readline() for _ in range(2)]
+    while not ('/footprint_monitor: in contact with obstacle/0\n' in said
+               and said[-1] == '/footprint_monitor: clear\n'):
+        said.append(process.stdout.readline())
+        assert said[-1], said
+    assert said[0].startswith('publishing /footprint')
+    process.send_signal(signal.SIGINT)
+    assert process.wait(20) == 0

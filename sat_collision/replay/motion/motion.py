@@ -79,14 +79,18 @@ class Sweep:
         """Whether it was ever decided against each source that had bodies."""
         return all(one.decided for one in self._contact_trackers.values())
 
-    def undetermined(self, start: int, end: int) -> dict[str, list[Interval]]:
+    def undetermined(self, start: int, end: int,
+                     trackers: Iterable[Tracker]) -> dict[str, list[Interval]]:
         """Return by footprint or source when it is not known how something of it moved."""
         found = defaultdict(list)
         known = joined(self.trajectory.known)
         found[self.settings.name] = [(first, last) for (_, first), (last, _) in pairwise(
             [(start, start), *known, (end, end)]) if first < last]
+        for tracker in trackers:
+            if self.settings.monitors(tracker.name):
+                found[tracker.name] += tracker.undetermined
         for tracker, one in self._contact_trackers.items():
-            found[tracker.name] += tracker.undetermined + one.undetermined
+            found[tracker.name] += one.undetermined
         return found
 
     def queue(self, tracker: Tracker, step: Step, now: int) -> None:
@@ -260,7 +264,7 @@ class RecordedMotion:
                 result.ever_known = False
                 self.notes.append(f'{name}: at no time is it known where it and the obstacles '
                                   'are; --as-live tells what the monitor would have said')
-            undetermined = sweep.undetermined(start, end)
+            undetermined = sweep.undetermined(start, end, self._trackers.values())
             for of, intervals in undetermined.items():
                 self._lengths[of] = max(_length(intervals, start, result.last or end),
                                         self._lengths.get(of, 0))

@@ -299,8 +299,9 @@ class KeyTracker(Tracker):
         super().__init__(settings, max_vertices, emit)
         # The bodies that are there, those that were received longest ago first.
         self._seen: dict[ObstacleId, _LastSample] = {}
-        # The group of bodies that is being received.
+        # The group of bodies that is being received, which ends before any of them may be gone.
         self._pending: dict[ObstacleId, Placement] = {}
+        self._together = min(_TOGETHER, self._longest)
         self._shapes: dict[tuple[bytes, object], ObstacleId] = {}
         self._numbers = count(1)
         self._first_stamp = self._rested = self._now = 0
@@ -328,13 +329,14 @@ class KeyTracker(Tracker):
         # The stamp of an empty polygon after others means nothing.
         if placement.listing != self._listing or not placement.is_empty:
             self._listing, self._stamp = placement.listing, placement.stamp
+        if self._pending and abs(placement.stamp - self._first_stamp) > self._together:
+            self._close()
         if placement.is_empty:
             self._times.append(placement.stamp)
         for one in () if placement.is_empty else placement.each():
             name = self._name(one)
             self._place += 1
-            if self._pending and (name in self._pending
-                                  or abs(one.stamp - self._first_stamp) > _TOGETHER):
+            if name in self._pending:
                 self._close()
             if not self._pending:
                 self._first_stamp = one.stamp

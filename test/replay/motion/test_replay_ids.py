@@ -44,6 +44,15 @@ def test_id_is_linked_though_a_message_shortly_after_it_is_later_than_its_timeou
     assert since(result, contact.first, contact.last) == pytest.approx([0.18, 0.27])
 
 
+def test_id_is_gone_with_the_first_message_that_shows_it(tmp_path):
+    """Its timeout is shorter than the time for which messages are taken together."""
+    messages = samples([0.0] * 10) + [track(0.1, 1, 0.5)] + [
+        track(0.12 + 0.02 * k, 2 + k, 9.0) for k in range(20)]
+    contact, = (result := run(tmp_path, messages, None, parameters={
+        'tracks.timeout': 0.05})).contacts
+    assert since(result, contact.first, contact.last) == pytest.approx([0.1, 0.16])
+
+
 def test_curve_is_of_all_ids_however_they_are_sent(tmp_path):
     """One at 2 m comes twice a second, another at 5 m ten times, for some time with it."""
     messages = samples([0.0] * 40) + [track(k / 10, 1, 6.0) for k in range(40)] + [

@@ -477,6 +477,16 @@ def test_polygon_that_may_have_moved_is_undetermined(tmp_path, moves):
     assert result.verdict is (Verdict.UNKNOWN if moves else Verdict.CLEAR)
 
 
+def test_silence_of_a_source_that_never_sees_anything_is_undetermined(tmp_path):
+    """Its publisher ends empty sets, but none for a second."""
+    messages = samples([0.0] * 30) + [
+        ('/obstacles', k / 10, []) for k in range(30) if not 10 < k < 20]
+    result = run(tmp_path, messages, MARKS, parameters={f'{SOURCE}.timeout': 0.5})
+    assert since(result, result.undetermined[0].first, result.undetermined[0].last) == (
+        pytest.approx([1.0, 1.5]))
+    assert result.verdict is Verdict.UNKNOWN
+
+
 def test_time_after_the_last_footprint_is_undetermined(tmp_path):
     """It is not clear, and does not fail the check as long as the footprint is not silent."""
     result = run(tmp_path, samples([0.0] * 20) + samples([5.0] * 24, '/obstacles'))

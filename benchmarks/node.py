@@ -183,11 +183,14 @@ def measure(seconds, repeats):
 
 
 def build_floor(folder):
-    """Build the floor in C++; return the path of the program, None if CMake finds no rclcpp."""
+    """Build the floor in C++; return the program's path, or None after saying what is missing."""
     configure = ['cmake', '-S', str(ROOT / 'benchmarks' / 'floor'), '-B', str(folder),
                  '-DCMAKE_BUILD_TYPE=Release']
-    if not shutil.which('cmake') or subprocess.run(configure, capture_output=True).returncode:
-        print('skipped the node in C++, because CMake finds no rclcpp: apt install g++ cmake '
+    result = shutil.which('cmake') and subprocess.run(configure, capture_output=True, text=True)
+    if not result or result.returncode:
+        # CMake's own words, unless it finds no rclcpp.
+        why = result.stderr if result and 'Findrclcpp.cmake' not in result.stderr else ''
+        print(f'{why}skipped the node in C++, which needs rclcpp: apt install cmake g++ '
               'ros-jazzy-rclcpp, and source /opt/ros/jazzy/setup.bash', file=sys.stderr)
         return None
     subprocess.run(['cmake', '--build', str(folder)], stdout=subprocess.DEVNULL, check=True)

@@ -29,7 +29,7 @@ TOPICS = ('/footprint_monitor/collision', '/footprint_monitor/footprint/collisio
 def test_skipped_with_a_word_without_rclcpp(monkeypatch, capsys):
     monkeypatch.setenv('PATH', '')
     assert node.measure_cpp(1.0, 1) is None
-    assert 'apt install g++ cmake ros-jazzy-rclcpp' in capsys.readouterr().err
+    assert 'apt install cmake g++ ros-jazzy-rclcpp' in capsys.readouterr().err
 
 
 @pytest.mark.long

@@ -117,7 +117,7 @@ TABLES = {
             one['rival']['cpu_us'] / one['monitor']['cpu_us'])}),
     'cpp': lambda figures: table_of(figures['cpp'], {
         'obstacles': '{obstacles:,}', 'sat_collision': '{us:.0f}',
-        'empty rclpy node': '{floor_us:.0f}', 'empty rclcpp node': '{cpp_us:.1f}',
+        'empty rclpy node': '{floor_us:.0f}', 'empty rclcpp node': '{cpp_us:.0f}',
         'sat_collision, times the rclcpp node': '{ratio:.1f}'}),
     'kernel': lambda figures: table_of(figures['kernel'], {
         'pairs': lambda row: row['load'].replace('_', ' '), 'vertices': '{vertices:,}',

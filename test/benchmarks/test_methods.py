@@ -87,6 +87,7 @@ def test_filtered_orientations_with_overflow_and_underflow(exponent):
     np.testing.assert_array_equal(answers('filtered', pairs), truth)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('name', HARD)
 @pytest.mark.parametrize('method', INEXACT)
 def test_inexact_rivals_are_wrong_on_hard_pairs_and_right_on_near_ones(method, name):
@@ -135,6 +136,7 @@ def test_traditional_on_points_and_segments():
     np.testing.assert_array_equal(answers('traditional', pairs), oracle.intersects_pairs(pairs)[0])
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not COMPILED, reason='plain Python computes in doubles')
 def test_float32_is_less_exact_than_float64():
     """The traditional method is compiled for either."""
@@ -145,6 +147,7 @@ def test_float32_is_less_exact_than_float64():
     assert wrong < wrong_single / 10
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('method, pair', [('published_a', APART), ('published_b', OVERLAPPING)])
 def test_published_readings_are_wrong_on_their_examples(method, pair):
     truth = oracle.intersects(*pair)
@@ -170,6 +173,7 @@ def test_number_of_axes():
     assert methods.run('published_b', pairs)[1].max() <= 3
 
 
+@pytest.mark.long
 def test_hybrid_misses_no_collision_but_invents_some():
     pairs = pairs_of('near', 1000, 16)
     meet = oracle.intersects_pairs(pairs)[0]
@@ -178,6 +182,7 @@ def test_hybrid_misses_no_collision_but_invents_some():
     assert hybrid[~meet].any()
 
 
+@pytest.mark.long
 def test_equation_5_as_printed_is_worse():
     pairs = pairs_of('near', 1000, 16)
     meet = oracle.intersects_pairs(pairs)[0]

@@ -162,8 +162,8 @@ print(sum(one(1.0) for one in kernels), sum(sum(one.stats.cache_hits.values()) f
 """ % len(DAMAGES)
 
 
-@pytest.mark.parametrize('files', [
-    '*.nb[ci]', *(pytest.param(one, marks=pytest.mark.long) for one in ('*.nbc', '*.nbi'))])
+@pytest.mark.long
+@pytest.mark.parametrize('files', ['*.nb[ci]', '*.nbc', '*.nbi'])
 def test_damaged_files_are_replaced(package, files):
     """They are compiled again, which is reported once."""
     (package / 'caller.py').write_text(MANY)

@@ -250,6 +250,7 @@ def test_process_pools():
         assert pool.submit(abs, -1).result() == 1
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not COMPILED, reason='this is plain Python')
 def test_the_same_in_plain_python():
     assert not failures_in_plain_python(__file__)

@@ -126,7 +126,8 @@ def test_nothing_to_try_is_named_where_something_is_published(launch, peer):
     assert 'nothing is published' not in ended(process)[1]
 
 
-@pytest.mark.parametrize('number', (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
+@pytest.mark.parametrize('number', (signal.SIGINT, *(
+    pytest.param(one, marks=pytest.mark.long) for one in (signal.SIGTERM, signal.SIGHUP))))
 def test_one_signal_ends_a_busy_node_cleanly(launch_ready, peer, number):
     """Status 0, a log line, and no traceback."""
     process = launch_ready('-p', 'footprint.timeout:=0.0')

@@ -49,9 +49,9 @@ def without_repetition(items):
 
 
 @pytest.mark.parametrize('name, storage', (
-    ('autoware_ego_trajectory_boxes', 'mcap'),
+    pytest.param('autoware_ego_trajectory_boxes', 'mcap', marks=pytest.mark.long),
     ('commonroad_USA_Lanker-1_1_ego1247', 'sqlite3'),
-    ('tysik_front_scan_polygons', 'mcap')))
+    pytest.param('tysik_front_scan_polygons', 'mcap', marks=pytest.mark.long)))
 def test_contacts_of_a_recording_are_exact(start, name, storage):
     """
     After the last message of each stamp, contacts equal those computed by rational arithmetic.

@@ -272,7 +272,8 @@ def test_momentary_contact_is_not_printed_as_0_s(tmp_path, capsys):
     assert 'in contact with obstacle/0 at 0.500 s, 0.5000 m deep' in junit.read_text()
 
 
-@pytest.mark.parametrize('name, encoding', [('b\udcffg\x01', 'utf-8'), ('bäg', 'ascii')])
+@pytest.mark.parametrize('name, encoding', [
+    ('b\udcffg\x01', 'utf-8'), pytest.param('bäg', 'ascii', marks=pytest.mark.long)])
 def test_paths_that_are_no_text(bags, tmp_path, name, encoding):
     """Bytes that are not UTF-8, control characters, or letters that the terminal does not have."""
     shutil.copytree(bags[0], tmp_path / name)

@@ -96,6 +96,7 @@ def test_lost_process_is_retried(bags, tmp_path, monkeypatch, fault):
     assert all(not result.problems for result in results)
 
 
+@pytest.mark.long
 def test_recording_that_kills_every_process(bags, tmp_path, monkeypatch):
     """It is bad input after three attempts; all others are checked."""
     monkeypatch.setattr(parallel, 'check_one', functools.partial(
@@ -111,7 +112,7 @@ def test_cluster_gives_the_same_results(bags, cluster):
     assert summed(parallel.check_on_cluster(bags, OPTIONS, cluster)) == summed(alone)
 
 
-@pytest.mark.parametrize('fault', (dies, fails))
+@pytest.mark.parametrize('fault', (dies, pytest.param(fails, marks=pytest.mark.long)))
 def test_lost_worker_is_retried(bags, tmp_path, monkeypatch, cluster, fault):
     monkeypatch.setattr(parallel, 'check_one', functools.partial(
         faulty, marks=str(tmp_path), fault=fault))
@@ -139,6 +140,7 @@ def test_cluster_without_workers_left_is_reported(bags, tmp_path, monkeypatch):
     assert 'the cluster has no worker left' in results[bags[3]].problems[0]
 
 
+@pytest.mark.long
 def test_relative_paths_are_those_of_the_command(bags, cluster, tmp_path, monkeypatch, capsys):
     """Workers are in another folder."""
     monkeypatch.chdir(tmp_path)

@@ -361,8 +361,9 @@ GENERATED = """
       data BLOB GENERATED ALWAYS AS (zeroblob(900000000)) VIRTUAL)"""
 
 
-@pytest.mark.parametrize('messages', (f'CREATE VIEW messages AS {RECURSIVE}', GENERATED,
-                                      'CREATE VIRTUAL TABLE messages USING fts4(x)'))
+@pytest.mark.parametrize('messages', (
+    f'CREATE VIEW messages AS {RECURSIVE}', pytest.param(GENERATED, marks=pytest.mark.long),
+    pytest.param('CREATE VIRTUAL TABLE messages USING fts4(x)', marks=pytest.mark.long)))
 def test_only_tables_are_read(tmp_path, messages):
     """Views and generated columns may be endless."""
     create_db3(tmp_path / 'a.db3', CLEAR).close()

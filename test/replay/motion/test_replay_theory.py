@@ -79,6 +79,8 @@ class Recorded:
                     in zip(self.footprint, self.footprint[1:]) if 0 < after - time <= TIMEOUT]
         self.messages = [('/footprint', time, 0, x) for time, x in self.footprint]
         places = [dict(self._samples(range(2 * len(times)), k)) for k in range(1, self.count + 1)]
+        # Messages not sent together may be so far apart that others come between them.
+        self.apart = int(rng.choice([1000, 2 * 10**7]))
         if form == 'ids':
             self._with_ids(times, places)
         elif form is None:
@@ -113,7 +115,7 @@ class Recorded:
             for n, time in enumerate(self._some_twice(times)):
                 if self._rng.random() < 0.8:
                     # Not sent together: each has a stamp of its own.
-                    seen.setdefault(time + 1000 * k, []).append(by_number[n])
+                    seen.setdefault(time + self.apart * k, []).append(by_number[n])
             sent.append([*seen.items()])
             self.messages += [('/tracks', time, k, x) for time, xs in sent[k] for x in xs]
         for pieces, seen in zip(self.pieces, sent):
@@ -131,8 +133,9 @@ class Recorded:
             for k, by_number in enumerate(places):
                 if self._rng.random() < 0.8:
                     x = by_number[n // 4]
-                    self.messages.append(('/obstacles', time + 1000 * k, k, x))
-                    self.pieces[k].append(held(time + 1000 * k, x, None))
+                    stamp = time + self.apart * k
+                    self.messages.append(('/obstacles', stamp, k, x))
+                    self.pieces[k].append(held(stamp, x, None))
         for pieces in self.pieces:
             for piece in pieces:
                 piece.end = self._gone(piece.begin)

@@ -170,6 +170,8 @@ class Recorded:
             # An empty set cannot be seen where nothing marks it.
             found = [(time, one, end) for time, one, end in zip(times, sets, ends) if one]
             times, sets, ends = [*zip(*found)] if found else ([], [], [])
+        begins = [min((stamp for stamp, _ in one.values()), default=time)
+                  for time, one in zip(times, sets)]
         for n, one in enumerate(sets):
             is_last = n + 1 == len(sets)
             after = {} if is_last else sets[n + 1]
@@ -186,8 +188,8 @@ class Recorded:
                     lost.append(k)
                     self.pieces[k].append(held(stamp, x, min(end, stamp + TIMEOUT)))
             if not is_last and (lost and len(after) > len(one) - len(lost)
-                                or times[n + 1] - ends[n] > TIMEOUT):
-                self.undetermined.append((times[n], ends[n + 1]))
+                                or begins[n + 1] - ends[n] > TIMEOUT):
+                self.undetermined.append((begins[n], ends[n + 1]))
 
     def messages_of_bag(self, delays=(0, 0)):
         """Return (topic, when it is received, bytes) of all; topics have delays, in ns."""
@@ -265,8 +267,11 @@ def compare(seed, form, path):
     undetermined = times_of(result.undetermined)
     seen = np.zeros(3, int)
     rng = np.random.default_rng(seed)
-    begin = result.start - START
-    times = rng.integers(begin, result.end - START, 30).tolist()
+    begin, end = result.start - START, result.end - START
+    # Also just before and after messages, which is where most changes.
+    stamps = [time for _, time, *_ in recorded.messages if begin + 100 < time < end - 100]
+    times = [*rng.integers(begin, end, 15).tolist(),
+             *(rng.choice(stamps, 15) + rng.choice([-100, 100], 15)).tolist()]
     for time, distances in zip(times, recorded.distances(times)):
         touches = bool(distances) and min(distances) <= METRE
         if not distances or abs(min(distances) - METRE) > NEAR:

@@ -15,6 +15,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import chain
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -60,6 +61,8 @@ _MAX_BYTES = 2**20
 _OF_CONTENT = {EMPTY_FRAME_ID, LONG_FRAME_ID, *(reason.value for reason in Reason)}
 # Max time in ns without messages in which timers go on.
 _LONGEST_QUIET = 60 * 10**9
+
+_due_of = attrgetter('due')
 
 
 def check(path: str | Path, options: Options = Options(),
@@ -283,7 +286,7 @@ class _Check:
             elif not by_header and stop is not None and time >= stop:
                 break
             if time > now:
-                if time > monitor.deadline or time > self._due:
+                if time > self._due or time > monitor.deadline:
                     self._pass_until(time)
                 self._now = now = time
             if topic in TRANSFORM_TOPICS:
@@ -292,7 +295,8 @@ class _Check:
                     if now:
                         self._follow(now)
                         self._plans.follow(now)
-            self._lose(names[topic], batch)
+            if self._losses:
+                self._lose(names[topic], batch)
             number = numbers.pop(topic, None) if numbers else None
             if rows and now and number is None and topic in of_runs:
                 name, timeout = of_runs[topic]
@@ -428,7 +432,7 @@ class _Check:
         while True:
             # The deadline may lie in the past, but the scene's time must not go back.
             deadline = max(self._monitor.deadline + 1, self._now)
-            timer = min(self._timers, key=lambda timer: timer.due, default=None)
+            timer = min(self._timers, key=_due_of, default=None)
             if deadline <= (min(now, timer.due) if timer else now):
                 self._now = int(deadline)
                 self._keep(self._monitor.advance(self._now))

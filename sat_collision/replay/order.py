@@ -35,6 +35,7 @@ _Counted: TypeAlias = tuple[int, int, str, list[bytes]]
 # How far apart stamp and time received may be for a message to count at its stamp, ns.
 WINDOW = 10 * 10**9
 
+_NONE = Batch(())
 _header_of = itemgetter(slice(STAMP_SIZE))
 
 
@@ -45,12 +46,12 @@ class ArrivalOrder:
         self._rows = rows
         self._times: list[int] = []
         self._messages: list[bytes] = []
-        self._batch: Batch | None = None
         self._taken = 0
+        self._batch = _NONE  # the first messages of the row, for `receive_run`
 
     def __iter__(self) -> Iterator[Timed]:
         for topic, times, messages in self._rows:
-            self._times, self._messages, self._batch, self._taken = times, messages, None, 0
+            self._times, self._messages, self._batch, self._taken = times, messages, _NONE, 0
             while (taken := self._taken) < len(times):
                 self._taken += 1
                 yield topic, times[taken], messages[taken:taken + 1]
@@ -62,9 +63,11 @@ class ArrivalOrder:
         Nothing is due until the bound, in ns. Returns the time of the last one that was received,
         or when something is due before; None if none was.
         """
-        if self._times[-1] > bound:
+        end = bisect_right(self._times, bound)
+        if end < self._taken:
             return None
-        self._batch = self._batch or Batch(self._messages)
+        if end != len(self._batch.messages):
+            self._batch = Batch(self._messages[:end])
         taken = monitor.receive_run(name, self._batch, self._taken - 1, now)
         if not taken:
             return None

@@ -116,7 +116,7 @@ class States:
             '' if state.age is None else f'{state.age:.3f}',
             f'{nearest.separation:.6g}' if nearest else '',
             str(nearest.obstacle) if nearest else '',
-            f'{nearest.newer_by:.3f}' if nearest else '',
+            f'{nearest.newer_by():.3f}' if nearest else '',
             ', '.join(f'{one} {seconds:.3f}' for one, seconds in newer.items()),
             name_in_words(frame_id) if frame_id else '',
             '' if transform_age is None else f'{transform_age:.3f}',

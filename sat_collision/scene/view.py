@@ -12,7 +12,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
+from functools import partial
 from itertools import chain
 from typing import NamedTuple
 
@@ -34,7 +35,7 @@ class Nearest(NamedTuple):
     separation: float  # m
     on_obstacle: Point  # the closest points
     on_footprint: Point
-    newer_by: float  # in s, than the footprint
+    newer_by: Callable[[], float]  # in s, than the footprint; not asked for in recordings
 
 
 class SceneView:
@@ -164,7 +165,7 @@ class SceneView:
         """
         footprint = self._footprints[name]
         found = self._contacts.nearest(footprint, footprint.contacts if apart else ())
-        return found and Nearest(found[0].name, *found[1:], footprint.newer_by(found[0]))
+        return found and Nearest(found[0].name, *found[1:], partial(footprint.newer_by, found[0]))
 
     def contacts_newer_by(self, name: str) -> dict[ObstacleId, float]:
         """Return by how many s obstacles in contact are newer; of those of one name the newest."""

@@ -171,6 +171,9 @@ class SetTracker(Tracker):
             # Long after it nothing shows that it was whole.
             is_late = placement.stamp > self._start + self._longest
             self._close(placement.last_whole >= self._listing, placement.stamp if is_late else 0)
+            if self._seen is not None and placement.stamp > self._seen.end + self._timeout:
+                # None of the last set is in this one, which may end much later.
+                self.rest(placement.stamp)
             self._listing, self._start = placement.listing, placement.stamp
             self._described = described
         if not placement.is_empty:

@@ -463,6 +463,16 @@ def test_obstacle_is_held_until_the_set_without_it(tmp_path):
     assert result.undetermined == []
 
 
+def test_obstacle_is_held_where_the_next_set_is_late_and_ends_later(tmp_path):
+    """What the robot touched before a silence is decided before its way is forgotten."""
+    messages = samples([0.0] * 14) + [('/footprint', 3.0 + k / 5, box(0.0)) for k in range(5)] + [
+        ('/obstacles', time, box(x)) for time, x in ((1.0, 0.8), (1.0, 9.0), (2.95, 9.0))]
+    result = run(tmp_path, messages, parameters={
+        f'{SOURCE}.timeout': 0.5, 'footprint.timeout': 0.5})
+    contact, = result.contacts
+    assert since(result, contact.first, contact.last) == pytest.approx([1.0, 1.3])
+
+
 @pytest.mark.parametrize('moves', [True, False])
 def test_polygon_that_may_have_moved_is_undetermined(tmp_path, moves):
     """Of sets without a declared end: one goes and one comes, or one comes to the other."""

@@ -198,3 +198,19 @@ def test_runs_go_through_the_robot_if_no_contacts_are_decided():
     assert monitor.scene.source_faults == ()
     monitor.advance(expires + 1)
     assert monitor.scene.source_faults != ()
+
+
+def test_oldest_of_a_set_is_named_where_it_begins_a_run():
+    """Three that are received together are older than the one before them."""
+    monitor = Monitor(replace(SETTINGS, obstacles=SETTINGS.obstacles[:1]))
+    monitor.update_publishers('lidar', [Endpoint('gid', '/tracker')])
+    end = serialised([], NOW)
+    # Sets before, whose rows are used again: only then are obstacles received together.
+    for k in range(4):
+        monitor.receive_batch('lidar', [serialised(box(10), NOW)] * 4 + [end], NOW, 1 + 5 * k)
+    old = NOW - SECOND * 19 // 10
+    messages = [serialised(box(10), NOW), *[serialised(box(10), old)] * 3]
+    assert monitor.receive_batch('lidar', messages, NOW, 21) == ()
+    monitor.receive_batch('lidar', [end], NOW + SECOND // 5, 25)
+    fault, = monitor.scene.source_faults
+    assert 'whose oldest obstacle, lidar/1, is 2.1 s old' in fault

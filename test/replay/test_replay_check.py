@@ -407,3 +407,17 @@ def test_messages_received_at_once_give_the_same_as_one_by_one(tmp_path, monkeyp
     expected = check(bag, options)
     assert expected.contacts and expected.footprints[0].clear
     assert found == expected
+
+
+def test_message_that_is_too_old_when_it_comes_is_refused_among_others_that_are_not(tmp_path):
+    """They are received at once up to it; the set before them is valid for longer."""
+    messages = [('/footprint', 0.0, box(0))]
+    # Several sets before, whose rows are used again: only then are obstacles received at once.
+    messages += [('/obstacles', time, serialised(one, nanoseconds(time)))
+                 for time in (0.2, 0.4, 0.6, 0.8, 1.0) for one in (*[box(8)] * 5, [])]
+    messages += [('/obstacles', 1.4 + k / 50, serialised(box(8), nanoseconds(0.93)))
+                 for k in range(5)]
+    result = check(write(tmp_path / 'bag', messages), Options(
+        as_live=True, sample=10.0, parameters={
+            f'{SOURCE}.timeout': 0.5, f'{SOURCE}.set_end': MARKS, 'footprint.timeout': 0.0}))
+    assert [one.rejected for one in result.sources if one.rejected] == [{'too old': 3}]

@@ -131,9 +131,9 @@ class Monitor:
         """
         Receive messages of one stamp of a batch, from `begin` on; return how many were taken.
 
-        The next one must be received by itself. Now is when the first one came; none is too old
-        when it comes, and nothing is due before. Of faults the words may change with each, so
-        while there are any none is taken.
+        The next one must be received by itself. `now` is when the first one came; until the last
+        one came none may be too old, and nothing may be due. While a source has faults none is
+        taken, because the words of these may change with each message.
         """
         self._watch_clock(now)
         taken = 0 if name in self.waiting or self.scene.source_faults else (

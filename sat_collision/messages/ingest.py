@@ -133,7 +133,7 @@ class Ingest:
         self._packer = Packer(settings.max_vertices)
         # By source of a map: the frame of a message refused for lack of a transform.
         self.untransformed: dict[str, str] = {}
-        # By source without ids, of the last obstacle accepted: the bytes from its stamp to its
+        # By source without ids, of the last obstacle accepted: the bytes between its stamp and its
         # point count, the offset of the points in the message, and the frame in which it was sent.
         self.headers: dict[str, tuple[bytes, int, str] | None] = {
             source.name: None for source in settings.obstacles if source.type == POLYGON}
@@ -144,9 +144,9 @@ class Ingest:
         """Pass on messages of one stamp in the frame of the one before; return how many."""
         if (header := self.headers.get(name)) is None:
             return 0
-        behind_stamp, points_at, frame_id = header
+        after_stamp, points_at, frame_id = header
         message = batch.messages[begin]
-        if message[STAMP_SIZE:points_at - COUNT_SIZE] != behind_stamp:
+        if message[STAMP_SIZE:points_at - COUNT_SIZE] != after_stamp:
             return 0
         stamp = header_stamp(message)
         affine = None

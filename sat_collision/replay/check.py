@@ -262,7 +262,7 @@ class _Check:
         plans = monitor.paths.names
         # A rejected footprint has no pose until the next one, so each message counts; so do plans.
         single = {one.name for one in self._settings.footprints} | plans
-        # Sources whose messages may be received several at once, and timeouts, by their topics.
+        # By topic, the source whose messages may be received several at once, and its timeout.
         of_runs = {source.topic: (source.name, round(source.timeout * 1e9) or NEVER)
                    for source in self._settings.obstacles
                    if names.get(source.topic) == [source.name] and source.type == POLYGON}

@@ -60,8 +60,8 @@ class ArrivalOrder:
         """
         Pass the message that was yielded last, and those that continue it, on to a monitor.
 
-        Nothing is due until the bound, in ns. Returns the time of the last one that was received,
-        or when something is due before; None if none was.
+        Only those received until the bound, in ns, before which nothing is due. Returns when the
+        last one was received, or something that they brought is due before; None if none was.
         """
         end = bisect_right(self._times, bound)
         if end < self._taken:

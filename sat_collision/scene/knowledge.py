@@ -205,7 +205,11 @@ class Listings(Knowledge):
         return taken
 
     def _add(self, message: Message, now: int, taken: int = 0) -> _Listing:
-        """Return the listing that obstacles belong to, of which it may have taken some."""
+        """
+        Let obstacles join a listing, and return it.
+
+        `taken` is how many of a run its group has taken already.
+        """
         self._continue(message, now)
         one = self._join(message, now)
         self.newest = max(self.newest, message.stamp)

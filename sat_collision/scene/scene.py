@@ -270,8 +270,9 @@ class Scene(SceneView):
                                  refused)
         if read is None:
             refusal = FROM_FUTURE
-        self._heed(source, stamp if stamp and stamp < now else now,
-                   source.faults is not faults or source.knowledge is not knowledge)
+        self._evaluate_obstacles(
+            source, stamp if stamp and stamp < now else now,
+            source.faults is not faults or source.knowledge is not knowledge)
         return refusal
 
     def obstacle_run(self, name: str, run: Run, frame_id: str, stamp: int, now: int,
@@ -285,15 +286,15 @@ class Scene(SceneView):
         faults = source.faults
         taken = source.receive_run(run, frame_id, stamp, number, now)
         if taken:
-            self._heed(source, stamp, source.faults is not faults)
+            self._evaluate_obstacles(source, stamp, source.faults is not faults)
         return taken
 
-    def _heed(self, source: Source, time: int, is_other: bool) -> None:
-        """Evaluate what follows from obstacles of a time, after which a source may be another."""
+    def _evaluate_obstacles(self, source: Source, time: int, has_new_faults: bool) -> None:
+        """Evaluate what follows from obstacles received, which count from a time."""
         due = source.deadline if source.timeout == NEVER else time + source.timeout
         if due < self.deadline:
             self.deadline = due
-        if is_other:
+        if has_new_faults:
             self._follow_up(source)
         elif self._contacts.changed:
             self._evaluate()

@@ -300,6 +300,7 @@ class Source:
             return 0
         taken = knowledge.receive_run(run, frame_id, stamp, now)
         if taken:
+            # All before the last one continued the stream.
             stream.next = expected + taken - 1
             stream.receive(number and stream.next, now)
             self._drop_former()

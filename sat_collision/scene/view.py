@@ -35,7 +35,7 @@ class Nearest(NamedTuple):
     separation: float  # m
     on_obstacle: Point  # the closest points
     on_footprint: Point
-    newer_by: Callable[[], float]  # in s, than the footprint; not asked for in recordings
+    newer_by: Callable[[], float]  # than the footprint, s; found when called: recordings do not
 
 
 class SceneView:

@@ -47,7 +47,7 @@ def bulk(pairs):
 @pytest.mark.parametrize('n', [3, 4, 9, 24])
 @pytest.mark.parametrize('name', EVERY)
 def test_answers_agree_with_the_oracle(name, n):
-    pairs = pairs_of(name, 250, n)
+    pairs = pairs_of(name, 500, n)
     truth, _ = oracle.intersects_pairs(pairs)
     np.testing.assert_array_equal(bulk(pairs), truth)
     assert [intersects(p, q) for p, q in pairs[:50]] == truth[:50].tolist()

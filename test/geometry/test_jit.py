@@ -49,10 +49,10 @@ def library_answers():
     answers = {}
     for name, family in ALL.items():
         rng = np.random.default_rng(7)
-        pairs = family(rng, 30, 9) + family(rng, 20, 24)
+        pairs = family(rng, 60, 9) + family(rng, 40, 24)
         sets = [PolygonSet(pair[k] for pair in pairs) for k in (0, 1)]
         answers[name] = intersects_pairs(*sets).tolist()
-        for p, q in family(rng, 10, 9):
+        for p, q in family(rng, 20, 9):
             packed = np.asarray(Polygon(p).packed[0])
             answers[name] += [intersects(p, q), separation(p, q).hex(),
                               packed.tobytes().hex(), *Polygon(q).centroid.tolist(),

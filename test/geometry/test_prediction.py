@@ -214,7 +214,7 @@ def test_excluding_obstacles_beside_the_path_changes_nothing(omega, tolerance):
     """
     rng = np.random.default_rng(5)
     met = {True: 0, False: 0}
-    for k in range(75):
+    for k in range(150):
         body = BODIES[k % len(BODIES)] - [0.5, rng.choice([0.0, 0.5])]
         twist = (rng.choice([0.0, 1.0, rng.uniform(-2, 2)]), rng.choice([0.0, 0.5]), omega)
         beside = []
@@ -228,7 +228,7 @@ def test_excluding_obstacles_beside_the_path_changes_nothing(omega, tolerance):
             assert time == time_to_contact(body, twist, others, 3.0, [(1e-300, 0)],
                                            tolerance=tolerance) or not any(twist)
             met[time < math.inf] += 1
-    assert min(met.values()) > 50, met
+    assert min(met.values()) > 100, met
 
 
 def within(margin, body, twist, other, velocities=None):

@@ -18,12 +18,13 @@ first start three processes share the work, and load from disk what another has 
   then those for distances, which share much code with them;
 - once contacts can be decided, a third one compiles those for motion.
 
-The other processes end when they are done, or at the end of their standard input, which this one
-holds open.
+The other processes end when they are done, or with this one: it ends them at its exit, and where
+it is killed they see the end of their standard input.
 """
 
 from __future__ import annotations
 
+import atexit
 from collections.abc import Callable
 import gc
 import os
@@ -188,6 +189,14 @@ def _origin() -> Polygon:
 def _process(*tasks: str) -> subprocess.Popen[bytes]:
     return subprocess.Popen([sys.executable, '-m', __spec__.name, *tasks], stdin=subprocess.PIPE,
                             stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+
+
+@atexit.register
+def _end_others() -> None:
+    """Leave no process behind that would still write kernels."""
+    for other in _others:
+        other.kill()
+        other.wait()
 
 
 def _end_with_input() -> None:

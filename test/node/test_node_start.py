@@ -180,6 +180,22 @@ def test_signal_during_the_first_start(start, number):
 
 
 @pytest.mark.long
+def test_no_process_is_left_when_the_node_has_ended(start, domain):
+    """It is stopped while others still compile the kernels for distances."""
+    if not COMPILED:
+        pytest.skip('nothing is compiled')
+    node = start('-m', 'sat_collision.node')
+    peer = Peer(domain)
+    states = peer.listen('~/state')
+    peer.until(lambda: states, 'it runs')
+    peer.close()
+    helpers = children(node.pid)
+    node.terminate()
+    assert node.wait(60) == 0
+    assert helpers and not any(is_running(helper) for helper in helpers)
+
+
+@pytest.mark.long
 @pytest.mark.skipif(not COMPILED, reason='plain Python has the verdict by then')
 @pytest.mark.parametrize('seed', range(3))
 def test_interrupt_during_the_first_replay(start, place, seed):

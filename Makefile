@@ -30,18 +30,20 @@ coverage: $(VENV)/test.stamp
 	$(BIN)/coverage combine --quiet
 	$(BIN)/coverage report --show-missing
 
-# The library with the lowest and with the newest versions, in environments of their own; these
-# need the network, and the Python that they name.
-LIBRARY := hypothesis pytest pytest-timeout 'shapely>=2' .
+# All that needs no ROS, with the lowest and with the newest versions, in environments of their own;
+# these need the network, and the Python that they name: make test-newest NEWEST=python3.14
+ALONE := hypothesis pytest pytest-timeout 'shapely>=2' '.[replay]'
+TEST_ALONE := -m pytest -m 'not long' test/test_library.py test/geometry test/replay
 test-lowest:
 	python3.10 -m venv $(VENV)/lowest
-	$(VENV)/lowest/bin/pip install --quiet 'numpy==1.26.*' 'numba==0.59.*' $(LIBRARY)
-	$(VENV)/lowest/bin/python -m pytest -m 'not long' test/test_library.py test/geometry
+	$(VENV)/lowest/bin/pip install --quiet 'numpy==1.26.*' 'numba==0.59.*' $(ALONE)
+	$(VENV)/lowest/bin/python $(TEST_ALONE)
 
+NEWEST ?= python3.13
 test-newest:
-	python3.13 -m venv $(VENV)/newest
-	$(VENV)/newest/bin/pip install --quiet --upgrade numpy numba $(LIBRARY)
-	$(VENV)/newest/bin/python -m pytest -m 'not long' test/test_library.py test/geometry
+	$(NEWEST) -m venv --clear $(VENV)/newest
+	$(VENV)/newest/bin/pip install --quiet --upgrade numpy numba $(ALONE)
+	$(VENV)/newest/bin/python $(TEST_ALONE)
 
 # What README, config and docs take from the code and from the benchmarks, and the plan's picture.
 docs: $(VENV)/demo.stamp

@@ -10,6 +10,7 @@
 """Damaged recordings are never clear: wrong counts, decompression bombs, wrong values."""
 
 import contextlib
+from importlib import import_module
 import os
 from pathlib import Path
 import signal
@@ -273,12 +274,16 @@ def run_command(*arguments, **options):
                           capture_output=True, text=True, timeout=60, **options)
 
 
+def zstd_compressor():
+    module = 'compression.zstd' if sys.version_info >= (3, 14) else 'backports.zstd'
+    return import_module(module).ZstdCompressor()
+
+
 def bomb(path, compression, size, claim=None):
     """Write a recording with a chunk of a few kB that unpacks to very many zeros."""
-    from backports import zstd
     import lz4.frame
     if compression == 'zstd':
-        compressor = zstd.ZstdCompressor()
+        compressor = zstd_compressor()
         packed = b''.join([*(compressor.compress(bytes(MB)) for _ in range(size // MB)),
                            compressor.flush()])
     else:
@@ -343,8 +348,7 @@ def varint(value):
 
 def test_file_that_would_fill_the_disk_is_refused(tmp_path):
     """300 MB in a compressed storage file."""
-    from backports import zstd
-    compressor = zstd.ZstdCompressor()
+    compressor = zstd_compressor()
     bag = tmp_path / 'a.mcap.zstd'
     bag.write_bytes(b''.join([compressor.compress(MAGIC + record(HEADER, text(b'ros2') + text(
         b'')))] + [compressor.compress(bytes(MB)) for _ in range(300)] + [compressor.flush()]))

@@ -10,6 +10,7 @@
 """Compare random recordings with the oracle of recorded motion: `make motion`."""
 
 import argparse
+import gc
 from multiprocessing import Pool
 from pathlib import Path
 import sys
@@ -39,7 +40,7 @@ def main():
     parser.add_argument('--recordings', type=float, default=1e6)
     begin, done, wrong = perf_counter(), 0, 0
     last = int(parser.parse_args().recordings)
-    with Pool() as pool:
+    with Pool(initializer=gc.freeze) as pool:
         for found in pool.imap_unordered(wrong_in, range(0, last, TOGETHER)):
             done += TOGETHER
             wrong += len(found)

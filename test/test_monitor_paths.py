@@ -277,6 +277,21 @@ def test_progress_is_where_the_path_is_nearest(places, robot, progress):
     assert path.progress == pytest.approx(progress)
 
 
+@pytest.mark.parametrize('turn', [-3.0, -1.5, 1e-9, 0.5, math.pi])
+def test_robot_on_an_arc(turn):
+    """It is on the arc between two poses, not on the chord, so metres count from there."""
+    def on_arc(share):
+        away = 6.0 / turn * complex(math.sin(turn * share), 1.0 - math.cos(turn * share))
+        return away.real, away.imag, turn * share
+
+    for share in (0.15, 0.5, 0.85):
+        path = FollowedPath(np.zeros((2, 7)))
+        path.poses = np.array([on_arc(0.0), on_arc(1.0)])
+        path.advance(on_arc(share), 0.5)
+        assert path.progress == pytest.approx(share, abs=1e-6)
+        assert path.at(share) == pytest.approx(on_arc(share), abs=1e-6)
+
+
 def test_damaged_count_of_a_pose_is_refused():
     data = bytearray(path([(k, 0.0, 0.0) for k in range(8)], frame_id='odom', pose_frame='odom'))
     place = bytes(data).rindex(b'odom')

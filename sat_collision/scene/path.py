@@ -89,22 +89,17 @@ class FollowedPath:
         lengths = np.hypot(*np.diff(self.poses[first:, :2], axis=0).T)
         near = np.flatnonzero(away[:-1] - lengths <= away[1:].min() + (math.pi + 1.0) * reach)
         starts = self.poses[first + near]
-        steps = self.poses[first + near + 1] - starts
-        steps[:, 2] = _wrapped(steps[:, 2])
+        steps = _steps(starts, self.poses[first + near + 1])
         off = pose - starts
         off[:, 2] = _wrapped(off[:, 2])
-        sizes = (steps[:, :2] ** 2).sum(axis=1)
-        along = np.divide((off[:, :2] * steps[:, :2]).sum(axis=1), sizes,
-                          where=sizes > 0.0, out=np.zeros(len(steps)))
-        np.divide(off[:, 2], steps[:, 2], where=(sizes == 0.0) & (steps[:, 2] != 0.0), out=along)
-        along = along.clip(0.0, 1.0)
+        along = _nearest_shares(steps, off)
         if near[0] == 0:
             along[0] = max(along[0], self.progress - first)
-        off -= along[:, None] * steps
+        off -= _moved(steps, along)
         gaps = np.hypot(off[:, 0], off[:, 1]) + reach * abs(_wrapped(off[:, 2]))
         k = int(np.argmax(gaps <= gaps.min() + reach))
-        while near[k] + 1 in near[k + 1:k + 2] and gaps[k + 1] <= gaps[k]:
-            k += 1
+        nears = (np.diff(near[k:]) == 1) & (np.diff(gaps[k:]) <= 0.0)
+        k += int(np.argmin(np.append(nears, False)))
         self.progress = first + int(near[k]) + float(along[k])
 
     def ahead(self) -> NDArray[np.float64]:
@@ -119,12 +114,9 @@ class FollowedPath:
         if share == 0.0:
             at: NDArray[np.float64] = self.poses[k]
             return at
-        dx, dy, turn = self.poses[k + 1] - self.poses[k]
-        half = math.remainder(turn, math.tau) / 2.0
-        way = complex(dx, dy) * (share if half == 0.0 else math.sin(half * share) / math.sin(half)
-                                 * complex(math.cos(half * (share - 1.0)),
-                                           math.sin(half * (share - 1.0))))
-        return np.asarray(self.poses[k] + (way.real, way.imag, 2.0 * half * share))
+        ends = self.poses[k:k + 2]
+        there: NDArray[np.float64] = ends[0] + _moved(_steps(ends[:1], ends[1:]), share)[0]
+        return there
 
     def check(self, footprint: Footprint, outline: Polygon, contacts: Contacts) -> PathCheck:
         """Check the path from the progress on."""
@@ -145,6 +137,41 @@ class FollowedPath:
             outline.vertices @ [(c, s), (-s, c)] + (x, y), self.is_by_travel)
 
 
+def _steps(starts: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return x, y and turn from poses to others, the shorter way round."""
+    steps = ends - starts
+    steps[:, 2] = _wrapped(steps[:, 2])
+    return steps
+
+
+def _nearest_shares(steps: NDArray[np.float64], off: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return at which share of each step, an arc, it is nearest to a place off its start."""
+    dx, dy, turns = steps.T
+    x, y, angles = off.T
+    sizes = dx * dx + dy * dy
+    # Along the chord and to the left of it, in units of its length.
+    units = np.where(sizes == 0.0, 1.0, sizes)
+    along, beside = (x * dx + y * dy) / units, (y * dx - x * dy) / units
+    s, c = np.sin(turns / 2.0), np.cos(turns / 2.0)
+    # Angles about the centre of the arc; as the shares, from the middle of the arc on.
+    angles = np.where(sizes == 0.0, angles - turns / 2.0, np.arctan2(
+        (2.0 * along - 1.0) * s, c - 2.0 * beside * s))
+    shares = np.divide(angles, turns, where=turns != 0.0, out=along - 0.5)
+    return (shares + 0.5).clip(0.0, 1.0)
+
+
+def _moved(steps: NDArray[np.float64], shares: NDArray[np.float64] | float
+           ) -> NDArray[np.float64]:
+    """Return x, y and turn of shares of steps, each an arc."""
+    halves = steps[:, 2] / 2.0
+    lengths = np.divide(np.sin(halves * shares), np.sin(halves), where=halves != 0.0,
+                        out=np.zeros(len(steps)) + shares)
+    angles = halves * (shares - 1.0)
+    c, s = lengths * np.cos(angles), lengths * np.sin(angles)
+    dx, dy, turns = steps.T
+    return np.column_stack([c * dx - s * dy, s * dx + c * dy, turns * shares])
+
+
 def _wrapped(angles: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return angles between -pi and pi."""
-    return np.asarray((angles + math.pi) % math.tau - math.pi)
+    return np.asarray(angles - math.tau * np.rint(angles / math.tau))

@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Set
 from dataclasses import replace
 from functools import partial
 from itertools import chain
@@ -218,47 +218,21 @@ class _Check:
     def _play(self, names: dict[str, list[str]], start: int, stop: int | None, end: int,
               progress: OnProgress | None) -> None:
         by_header, result = self._options.clock == HEADER, self._result
-        monitor = self._monitor
+        monitor, now = self._monitor, 0
         if by_header and self._options.start:
             result.origin = self._first_stamp(names.keys() - {*TRANSFORM_TOPICS})
         elif not by_header:
             result.origin = self._recording.start
         self._losses = self._read_losses(start, stop)
-        # Messages outside the bounds in metadata.yaml are not dropped. By stamps, messages that
-        # are received later may belong to the time that is checked.
-        later = WINDOW if self._motion else 0
-        read: Iterable[Row] = self._with_clocks_compared(self._rows(
-            names, start if self._options.start else None, stop and stop + later))
-        marks = {one.topic: partial(_is_empty, one.type == POLYGON_INSTANCE)
-                 for one in self._settings.obstacles if one.set_end == EMPTY_POLYGON}
-        if by_header:
-            # A map may be of any time; a set of obstacles may have several stamps in any order.
-            tolerance = round(self._settings.future_tolerance * 1e9)
-            read = until_set_back(
-                read, {one.topic: tolerance for one in self._settings.obstacles if one.timeout}
-                | {one.topic: 0 for one in self._settings.footprints}, marks,
-                self._note_set_back)
-        if progress:
-            total = sum(self._recording.counts[topic] for topic in names)
-            read = _with_progress(read, total, progress)
-        ordered = StampOrder(read, by_header, marks) if self._motion else None
-        rows = None if ordered or by_header else ArrivalOrder(read)
-        runs: Iterable[Timed] = ordered or rows or (
-            (topic, 0 if topic in TRANSFORM_TOPICS else header_stamp(data), [data])
-            for topic, _, messages in read for data in messages)
-        if self._losses:
-            runs = apart(runs)
-        if self._options.write_bag:
-            from sat_collision.replay.output.bag import BagOutputs
-            outputs = self._outputs = BagOutputs(
-                self._options.write_bag, self._options.node, self._settings, monitor)
-            self._timers += [Timer(1.0 / self._settings.publish_rate, outputs.publish),
-                             Timer(1.0 / self._settings.marker_rate, outputs.publish_markers)]
+        ordered = self._in_order(names, start, stop, progress)
+        arrivals = ordered if isinstance(ordered, ArrivalOrder) else None
+        runs = apart(ordered) if self._losses else ordered
+        self._begin_outputs()
         # The first message of a latched topic is the first one that its publisher sent.
         numbers = dict.fromkeys(self._recording.latched & names.keys(), 1)
         if not by_header:
             self._begin(start)
-        now = self._now
+            now = start
         plans = monitor.paths.names
         # A rejected footprint has no pose until the next one, so each message counts; so do plans.
         single = {one.name for one in self._settings.footprints} | plans
@@ -267,16 +241,9 @@ class _Check:
                    for source in self._settings.obstacles
                    if names.get(source.topic) == [source.name] and source.type == POLYGON}
         if self._options.start:
-            # A publisher that keeps its messages would send those of before the start as well.
             kept = {TF_STATIC} & {*self._transforms} | (
                 set() if by_header else self._recording.latched & names.keys())
-            for topic, _, messages in self._rows(kept, None, start):
-                self._lose(names[topic], messages)
-                number = numbers.pop(topic, None)
-                for data in messages if topic == TF_STATIC else ():
-                    self._keep(monitor.receive_transforms(topic, data, now))
-                for name in names[topic]:
-                    self._receive(name, messages, now, number)
+            self._receive_kept(kept, names, start, numbers)
         for topic, time, batch in runs:
             if by_header and not now:
                 if not time or topic in TRANSFORM_TOPICS:
@@ -298,11 +265,11 @@ class _Check:
             if self._losses:
                 self._lose(names[topic], batch)
             number = numbers.pop(topic, None) if numbers else None
-            if rows and now and number is None and topic in of_runs:
+            if arrivals and now and number is None and topic in of_runs:
                 name, timeout = of_runs[topic]
                 bound = min(monitor.deadline, self._due, NEVER if stop is None else stop - 1,
                             header_stamp(batch[0]) + timeout)
-                last = rows.receive_run(monitor, name, now, bound)
+                last = arrivals.receive_run(monitor, name, now, bound)
                 if last is not None:
                     self._follow(now)
                     self._now = now = last
@@ -312,9 +279,10 @@ class _Check:
                     self._receive(name, part, now, number and number + k)
                     if name in plans:
                         self._keep(self._plans.receive(name, now))
-        if self._result.start is None:
+        if result.start is None:
             return
-        end = now if by_header else max(now, end - max(ordered.delay if ordered else 0, 0))
+        delay = max(ordered.delay, 0) if isinstance(ordered, StampOrder) else 0
+        end = now if by_header else max(now, end - delay)
         self._pass_until(end)
         for timer in self._timers:
             if timer.due <= end:
@@ -322,12 +290,60 @@ class _Check:
         self._place(len(self._placements))
         self._timeline.finish(end)
         self._plans.finish(end, self._losses.counts if self._losses else {})
-        self._result.end = end
+        result.end = end
         if self._outputs:
             self._outputs.close()
             if self._outputs.fault:
-                self._result.problems.append(f'{self._recording.path}: --write-bag: it is not '
-                                             f'whole: {in_one_line(self._outputs.fault)}')
+                result.problems.append(f'{self._recording.path}: --write-bag: it is not '
+                                       f'whole: {in_one_line(self._outputs.fault)}')
+
+    def _in_order(self, names: dict[str, list[str]], start: int, stop: int | None,
+                  progress: OnProgress | None) -> Iterable[Timed]:
+        """Return the messages in the order in which they are processed, in runs."""
+        by_header = self._options.clock == HEADER
+        # Messages outside the bounds in metadata.yaml are not dropped. By stamps, messages that
+        # are received later may belong to the time that is checked.
+        later = WINDOW if self._motion else 0
+        read: Iterable[Row] = self._with_clocks_compared(self._rows(
+            names, start if self._options.start else None, stop and stop + later))
+        marks = {one.topic: partial(_is_empty, one.type == POLYGON_INSTANCE)
+                 for one in self._settings.obstacles if one.set_end == EMPTY_POLYGON}
+        if by_header:
+            # A map may be of any time; a set of obstacles may have several stamps in any order.
+            tolerance = round(self._settings.future_tolerance * 1e9)
+            read = until_set_back(
+                read, {one.topic: tolerance for one in self._settings.obstacles if one.timeout}
+                | {one.topic: 0 for one in self._settings.footprints}, marks,
+                self._note_set_back)
+        if progress:
+            total = sum(self._recording.counts[topic] for topic in names)
+            read = _with_progress(read, total, progress)
+        if self._motion:
+            return StampOrder(read, by_header, marks)
+        if not by_header:
+            return ArrivalOrder(read)
+        return ((topic, 0 if topic in TRANSFORM_TOPICS else header_stamp(data), [data])
+                for topic, _, messages in read for data in messages)
+
+    def _begin_outputs(self) -> None:
+        """Begin to write what the node would publish, if it is asked for."""
+        if self._options.write_bag:
+            from sat_collision.replay.output.bag import BagOutputs
+            outputs = self._outputs = BagOutputs(
+                self._options.write_bag, self._options.node, self._settings, self._monitor)
+            self._timers += [Timer(1.0 / self._settings.publish_rate, outputs.publish),
+                             Timer(1.0 / self._settings.marker_rate, outputs.publish_markers)]
+
+    def _receive_kept(self, topics: Set[str], names: dict[str, list[str]], start: int,
+                      numbers: dict[str, int]) -> None:
+        """Receive what publishers that keep their messages would send again at the start."""
+        for topic, _, messages in self._rows(topics, None, start):
+            self._lose(names[topic], messages)
+            number = numbers.pop(topic, None)
+            for data in messages if topic == TF_STATIC else ():
+                self._keep(self._monitor.receive_transforms(topic, data, self._now))
+            for name in names[topic]:
+                self._receive(name, messages, self._now, number)
 
     def _receive(self, name: str, messages: list[bytes], now: int, number: int | None) -> None:
         if rejections := self._monitor.receive_batch(name, messages, now, number):

@@ -21,6 +21,7 @@ from typing import Any
 
 from sat_collision.extras import missing, unexpected
 
+_KERNELS = 'sat_collision.geometry.compiled.jit'
 _STATUS_OF_INTERRUPTED = 2
 _STATUS_OF_BAD_INPUT = 3
 # After how many seconds an interrupt is raised again.
@@ -35,8 +36,10 @@ def main(args: Sequence[str] | None = None) -> int:
             from sat_collision.replay.arguments import parse
             options = parse(args)
             from sat_collision.replay.kernels import choose, prepare
-            # The workers of a cluster have kernels of their own.
-            if not options.dask and choose(options.bags, options.limits):
+            # The workers of a cluster have kernels of their own, and so has a program that used
+            # the library before.
+            if not (options.dask or _KERNELS in sys.modules) and choose(
+                    options.bags, options.limits):
                 prepare(lambda words: print(f'replay_check: {words}', file=sys.stderr))
             from sat_collision.replay.command import run
             return run(options)

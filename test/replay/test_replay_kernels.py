@@ -98,6 +98,20 @@ def test_library_says_that_it_compiles(start, tmp_path):
     assert (result.stdout, result.stderr) == ('True\n', '')
 
 
+@pytest.mark.long
+def test_program_that_has_kernels_may_check_a_recording(start, tmp_path):
+    """Plain Python is not chosen for few messages where kernels are in use already."""
+    small = str(write(tmp_path / 'small', drive(1.0)))
+    result = start('-c', f"""{INTERSECTS}
+from sat_collision.replay.__main__ import main
+print(main([{small!r}, {DECLARED!r}]))
+import sat_collision
+print(sat_collision.separation([(0, 0)], [(1, 0)]))
+""")
+    lines = result.stdout.splitlines()
+    assert (lines[0], lines[-2:]) == ('True', ['0', '1.0']), result.stdout + result.stderr
+
+
 @pytest.fixture
 def unprepared(tmp_path, monkeypatch):
     """Pretend that no kernels are cached, and undo the choice afterwards."""

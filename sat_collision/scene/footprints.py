@@ -44,7 +44,7 @@ Origin: TypeAlias = tuple[str, int | None]
 Evaluation: TypeAlias = tuple[Status, tuple[str, ...]]
 
 
-class Footprint(Body[Obstacle]):
+class Footprint(Body):
     """A footprint: its place, its time and the status reported for it. Times are in ns."""
 
     evaluation: Evaluation  # the result of the last `evaluate`
@@ -52,6 +52,7 @@ class Footprint(Body[Obstacle]):
 
     def __init__(self, settings: FootprintSettings) -> None:
         super().__init__()
+        self.contacts: set[Obstacle] = set()  # those that it monitors and is within the margin of
         self.stream = Stream()
         self._stream_faults: tuple[str, ...] = ()  # what is wrong with its publishers
         self.time: int | None = None  # its stamp, not in the future; None if there is no valid one
@@ -112,12 +113,13 @@ class Footprint(Body[Obstacle]):
         obstacle.group.flush()
         return (obstacle.time - self.time) / 1e9
 
-    def toggle(self, others: Collection[Obstacle]) -> None:
-        super().toggle(others)
-        for other in others:
-            name = other.name
+    def toggle(self, obstacles: Collection[Obstacle]) -> None:
+        """End contacts with obstacles, and begin those that are none."""
+        self.contacts.symmetric_difference_update(obstacles)
+        for obstacle in obstacles:
+            name = obstacle.name
             before = self._held.get(name, 0)
-            now = before + 1 if other in self.contacts else before - 1
+            now = before + 1 if obstacle in self.contacts else before - 1
             if now:
                 self._held[name] = now
             else:

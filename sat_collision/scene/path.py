@@ -157,7 +157,7 @@ def _nearest_shares(steps: NDArray[np.float64], off: NDArray[np.float64]) -> NDA
     angles = np.where(sizes == 0.0, angles - turns / 2.0, np.arctan2(
         (2.0 * along - 1.0) * s, c - 2.0 * beside * s))
     shares = np.divide(angles, turns, where=turns != 0.0, out=along - 0.5)
-    return (shares + 0.5).clip(0.0, 1.0)
+    return np.asarray(shares + 0.5).clip(0.0, 1.0)
 
 
 def _moved(steps: NDArray[np.float64], shares: NDArray[np.float64] | float

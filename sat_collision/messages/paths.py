@@ -45,13 +45,13 @@ class Paths:
         self._scene = scene
         self._transforms = transforms
         self._outlines = outlines
-        self._latest = {path.name: _Latest(path.topic) for one in scene.settings.footprints
+        self._latest = {path.name: ReceivedPath(path.topic) for one in scene.settings.footprints
                         if (path := one.path_settings)}
         self.names = frozenset(self._latest)
 
     def receive(self, name: str, data: bytes) -> None:
         """Take a serialised Path, which replaces the one before."""
-        self._latest[name] = _Latest(self._latest[name].topic, data)
+        self._latest[name] = ReceivedPath(self._latest[name].topic, data)
 
     def note_fault(self, name: str, fault: str) -> None:
         """Record why no path can come, empty if one can; the last one still counts."""
@@ -60,7 +60,7 @@ class Paths:
     def clear(self) -> None:
         """Forget all paths: the clock was set."""
         for name, latest in self._latest.items():
-            self._latest[name] = _Latest(latest.topic)
+            self._latest[name] = ReceivedPath(latest.topic)
 
     def check(self, now: int,
               footprints: Iterable[FootprintSettings] | None = None) -> list[Rejection]:
@@ -69,7 +69,8 @@ class Paths:
         for footprint in self._scene.settings.footprints if footprints is None else footprints:
             if settings := footprint.path_settings:
                 rejections += self.read(settings, now)
-                self._scene.path_checks[footprint.name] = self.check_one(footprint, settings, now)
+                self._scene.path_checks[footprint.name] = self.check_one(
+                    footprint, self._latest[settings.name], now)
         return rejections
 
     def read(self, settings: PathSettings, now: int) -> list[Rejection]:
@@ -102,18 +103,17 @@ class Paths:
         latest.problem = f'the last path on {latest.topic} was refused: {problem[0]}'
         return [self._ingest.reject(settings, *problem)]
 
-    def is_empty(self, name: str) -> bool:
-        """Return whether the latest path was read, and is no plan."""
-        return self._latest[name].is_empty
+    def latest(self, name: str) -> ReceivedPath:
+        return self._latest[name]
 
-    def check_one(self, footprint: FootprintSettings, settings: PathSettings, now: int,
+    def check_one(self, footprint: FootprintSettings, latest: ReceivedPath, now: int,
                   is_plan: bool = False) -> PathCheck:
         """
         Check a path that was read.
 
         Of a plan the whole is checked while it is not known where the footprint is.
         """
-        scene, name, latest = self._scene, footprint.name, self._latest[settings.name]
+        scene, name = self._scene, footprint.name
         if scene.status(name) is Status.UNKNOWN and (
                 reasons := scene.faults_around(name) if is_plan else scene.state(name).reasons):
             return PathCheck(math.nan, '; '.join(reasons))
@@ -138,8 +138,8 @@ class Paths:
 
 
 @dataclass
-class _Latest:
-    """The latest path on a topic, if any."""
+class ReceivedPath:
+    """The last path on a topic, if any."""
 
     topic: str
     data: bytes = b''

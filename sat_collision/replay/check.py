@@ -279,6 +279,8 @@ class _Check:
                     self._receive(name, part, now, number and number + k)
                     if name in plans:
                         self._keep(self._plans.receive(name, now))
+                    elif name in monitor.outlines.names:
+                        self._plans.follow(now)
         if result.start is None:
             return
         delay = max(ordered.delay, 0) if isinstance(ordered, StampOrder) else 0

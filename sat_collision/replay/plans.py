@@ -12,8 +12,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from operator import attrgetter
 from typing import NamedTuple
 
+from sat_collision.messages.paths import ReceivedPath
 from sat_collision.messages.rejections import Rejection
 from sat_collision.monitor import Monitor
 from sat_collision.replay.model.result import FootprintResult, PlanContact
@@ -28,8 +31,7 @@ class Plans:
     Checks plans by what the monitor knows, and records what is found in results of footprints.
 
     A plan whose frame has no transform yet is checked when that comes, for up to
-    `transform_timeout`, unless another plan comes first. With `keeps_ways` contacts have what is
-    drawn of them.
+    `transform_timeout`. With `keeps_ways` contacts have what is drawn of them.
     """
 
     def __init__(self, settings: Settings, monitor: Monitor, footprints: list[FootprintResult],
@@ -40,59 +42,65 @@ class Plans:
         self._timeout = round(settings.transform_timeout * 1e9)
         self._planners = {path.name: _Planner(one, path, result) for one, result in zip(
             settings.footprints, footprints) if (path := one.path_settings)}
-        # By their names: the plans in contact that count, and those that wait for a transform.
-        self._current: dict[str, PlanContact] = {}
-        self._waiting: dict[str, tuple[int, PathCheck]] = {}
+        # By their names the plans that count; those that wait for a transform, and why.
+        self._current: dict[str, _Plan] = {}
+        self._waiting: list[tuple[_Plan, PathCheck]] = []
         for planner in self._planners.values():
             planner.result.plans = 0
 
     def receive(self, name: str, now: int) -> list[Rejection]:
         """Check a plan that the monitor has just received."""
+        self.follow(now)
         self._end(name, now)
-        rejections = self._monitor.paths.read(self._planners[name].path, now)
-        if not self._monitor.paths.is_empty(name):
-            self._check(name, now, now)
+        planner, paths = self._planners[name], self._monitor.paths
+        rejections = paths.read(planner.path, now)
+        path = paths.latest(name)
+        if not path.is_empty:
+            plan = self._current[name] = _Plan(planner, path, now, now)
+            self._check(plan, now)
         return rejections
 
     def follow(self, now: int) -> None:
         """Check the plans that wait, after a transform came."""
-        for name, (time, found) in [*self._waiting.items()]:
-            if now > time + self._timeout:
-                self._record(name, time, found)
+        waiting, self._waiting = self._waiting, []
+        for plan, found in waiting:
+            if now > plan.time + self._timeout:
+                self._record(plan, found)
             else:
-                self._check(name, time, now)
+                self._check(plan, now)
 
     def finish(self, end: int, lost: Mapping[str, int]) -> None:
         """Record what waits at the end of the recording, and how many were lost, by topic."""
+        for plan, found in self._waiting:
+            self._record(plan, found)
         for name, planner in self._planners.items():
             self._end(name, end)
             if count := lost.get(planner.path.topic):
                 planner.result.plans_unknown[_LOST] = count
+        self.contacts.sort(key=attrgetter('time'))
 
     def _end(self, name: str, now: int) -> None:
-        if name in self._waiting:
-            self._record(name, *self._waiting[name])
-        if contact := self._current.pop(name, None):
-            contact.until = now
+        if plan := self._current.pop(name, None):
+            plan.until = now
+            if plan.contact:
+                plan.contact.until = now
 
-    def _check(self, name: str, time: int, now: int) -> None:
-        planner = self._planners[name]
-        found = self._monitor.paths.check_one(planner.settings, planner.path, now, is_plan=True)
+    def _check(self, plan: _Plan, now: int) -> None:
+        found = self._monitor.paths.check_one(plan.planner.settings, plan.path, now, is_plan=True)
         if found.may_come:
-            self._waiting[name] = time, found
+            self._waiting.append((plan, found))
         else:
-            self._record(name, time, found)
+            self._record(plan, found)
 
-    def _record(self, name: str, time: int, found: PathCheck) -> None:
-        self._waiting.pop(name, None)
-        result = self._planners[name].result
+    def _record(self, plan: _Plan, found: PathCheck) -> None:
+        result = plan.planner.result
         if found.reason:
             result.plans_unknown[found.reason] = result.plans_unknown.get(found.reason, 0) + 1
             return
         result.plans = (result.plans or 0) + 1
         if found.obstacle is not None:
-            contact = self._current[name] = PlanContact(
-                result.name, str(found.obstacle), time, time, found.pose, found.metres)
+            contact = plan.contact = PlanContact(
+                result.name, str(found.obstacle), plan.time, plan.until, found.pose, found.metres)
             self.contacts.append(contact)
             if self._keeps_ways and found.way is not None and found.outline is not None:
                 contact.way, contact.outline = found.way.tolist(), found.outline.tolist()
@@ -104,3 +112,14 @@ class _Planner(NamedTuple):
     settings: FootprintSettings
     path: PathSettings
     result: FootprintResult
+
+
+@dataclass
+class _Plan:
+    """A plan, which counts from `time` until just before `until`."""
+
+    planner: _Planner
+    path: ReceivedPath
+    time: int
+    until: int
+    contact: PlanContact | None = None

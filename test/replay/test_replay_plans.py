@@ -14,7 +14,7 @@ import json
 import math
 from xml.etree import ElementTree
 
-from builders import path, serialised, transforms
+from builders import odometry, path, serialised, transforms
 import pytest
 from recordings import (
     box, check, declared, losses, LOST, LOST_TOPIC, main, MARKS, nanoseconds, SOURCE, write)
@@ -23,7 +23,8 @@ from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.model.result import Limits, Options, Verdict
 from sat_collision.replay.output.page import write_page
 
-TYPES = {'/tf': 'tf2_msgs/msg/TFMessage', '/plan': 'nav_msgs/msg/Path', LOST_TOPIC: LOST}
+TYPES = {'/tf': 'tf2_msgs/msg/TFMessage', '/plan': 'nav_msgs/msg/Path', LOST_TOPIC: LOST,
+         '/odom': 'nav_msgs/msg/Odometry'}
 PARAMETERS = {'frame_id': 'odom', 'footprint.frame_id': 'base',
               'footprint.points': [-0.5, -0.25, 0.5, -0.25, 0.5, 0.25, -0.5, 0.25],
               'footprint.path': '/plan', 'footprint.timeout': 0.5,
@@ -139,6 +140,33 @@ def test_plan_in_another_frame(run, time, known):
     else:
         (reason, count), = footprint.plans_unknown.items()
         assert (footprint.plans, count) == (0, 1) and 'the path on /plan has no place' in reason
+
+
+def test_plans_that_come_faster_than_transforms(run):
+    """Each of them waits for its own, whatever comes meanwhile, and counts until the next one."""
+    times = [1.02, 1.05, 1.08, 1.15]
+    plans = [plan(time, poses, frame_id='map') for time, poses in zip(
+        times, [[(x + 1.0, y, yaw) for x, y, yaw in poses]
+                for poses in (TOUCHING, FREE, TOUCHING, TOUCHING)])]
+    aside = plan(1.06, [(0.0, 0.0, 0.0), (8.0, 0.0, 0.0)])
+    result = run(drive(*plans, aside))
+    assert (result.footprints[0].plans, result.footprints[0].plans_unknown) == (5, {})
+    assert [(one.time, one.until) for one in result.plan_contacts] == [
+        (nanoseconds(time), nanoseconds(until))
+        for time, until in ((1.02, 1.05), (1.06, 1.08), (1.08, 1.15), (1.15, 2.0))]
+
+
+def test_transform_by_odometry_that_comes_after_the_plan(run):
+    """As a local plan in the frame of the robot needs it."""
+    messages = [(topic, time, data) for topic, time, data in drive() if topic != '/tf']
+    messages += [('/odom', k / 10, odometry('odom', 'base', nanoseconds(k / 10), 1.0, 0.0))
+                 for k in range(21)]
+    messages.append(plan(1.05, TOUCHING, frame_id='base'))
+    result = run(sorted(messages, key=lambda message: message[1]),
+                 parameters={**PARAMETERS, 'footprint.odometry': '/odom'})
+    assert (result.footprints[0].plans, result.footprints[0].plans_unknown) == (1, {})
+    assert [(one.time, one.metres) for one in result.plan_contacts] == [
+        (nanoseconds(1.05), pytest.approx(3.5, abs=1e-3))]
 
 
 def test_transform_that_comes_too_late(run):

@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, Generic, TypeAlias, TypeVar
 
 import numpy as np
@@ -26,7 +26,8 @@ from sat_collision.scene.footprints import Footprint
 from sat_collision.scene.obstacles import Body, Obstacle
 from sat_collision.scene.velocity import Velocity, Vertices
 
-_Kind = TypeVar('_Kind', bound=Body)
+_Kind = TypeVar('_Kind', bound=Body[Any])
+_Other = TypeVar('_Other', bound=Body[Any])
 
 # Max gap in m between a turning footprint and the obstacle it meets, at the time returned.
 _TOLERANCE = 1e-3
@@ -59,20 +60,21 @@ class Contacts:
         if footprint.row is not None:
             polygon = self._footprints.polygons.polygon(footprint.row)
             rows = self._obstacles.polygons.rows_within(polygon, self.margin).tolist()
-            self._meet(footprint, rows)
+            if update_contacts(footprint, self._monitored(footprint, rows)):
+                self.changed.add(footprint)
 
     def place_footprint(self, footprint: Footprint, where: PackedBody) -> None:
         met = self._footprints.place(footprint, where, self._obstacles.polygons, self.margin)
-        if met is not None:
-            self._meet(footprint, met)
+        if met is not None and update_contacts(footprint, self._monitored(footprint, met)):
+            self.changed.add(footprint)
 
     def place_obstacle(self, obstacle: Obstacle, where: PackedBody) -> None:
         met = self._obstacles.place(obstacle, where, self._footprints.polygons, self.margin)
-        if met is not None:
-            for row, footprint in self._footprints.bodies.items():
-                meets = row in met and footprint.settings.monitors(obstacle.name.source)
-                if meets is not (obstacle in footprint.contacts):
-                    self._toggle(footprint, (obstacle,))
+        if met or met is not None and obstacle.contacts:
+            footprints = self._footprints.bodies
+            self.changed.update(update_contacts(obstacle, [
+                footprints[row] for row in met
+                if footprints[row].settings.monitors(obstacle.name.source)]))
 
     def place_run(self, run: Run, rows: Any, first: int, limit: int) -> int:
         """Place a run until a body has no row or may meet a footprint; return how many."""
@@ -80,21 +82,24 @@ class Contacts:
             run, rows, first, limit, self._footprints.polygons, self.margin)
 
     def remove_footprint(self, footprint: Footprint) -> None:
-        if self._footprints.remove(footprint):
-            self._meet(footprint, ())
+        if self._footprints.remove(footprint) and update_contacts(footprint, ()):
+            self.changed.add(footprint)
 
     def remove_obstacle(self, obstacle: Obstacle) -> None:
-        if self._obstacles.remove(obstacle):
-            for footprint in self._footprints.bodies.values():
-                if obstacle in footprint.contacts:
-                    self._toggle(footprint, (obstacle,))
+        if self._obstacles.remove(obstacle) and obstacle.contacts:
+            self.changed.update(update_contacts(obstacle, ()))
 
     def hide_obstacles(self, group: object, rows: Any) -> None:
         """Hide all obstacles of a group, which keep their rows (-1: none) to be placed again."""
         rows = np.asarray(rows)
         self._obstacles.polygons.hide(rows[rows >= 0])
         for footprint in self._footprints.bodies.values():
-            self._toggle(footprint, [one for one in footprint.contacts if one.group is group])
+            lost = {one for one in footprint.contacts if one.group is group}
+            if lost:
+                footprint.toggle(lost)
+                self.changed.add(footprint)
+                for obstacle in lost:
+                    obstacle.contacts.discard(footprint)
 
     def nearest(self, footprint: Footprint, skipped: Iterable[Obstacle] = ()
                 ) -> tuple[Obstacle, float, Point, Point] | None:
@@ -151,16 +156,10 @@ class Contacts:
         return [row for row, obstacle in self._obstacles.bodies.items()
                 if not footprint.settings.monitors(obstacle.name.source)]
 
-    def _meet(self, footprint: Footprint, rows: Iterable[int]) -> None:
-        """Set the contacts of a footprint: the obstacles in some rows, if it monitors them."""
-        met = {obstacle for obstacle in map(self._obstacles.bodies.__getitem__, rows)
-               if footprint.settings.monitors(obstacle.name.source)}
-        self._toggle(footprint, footprint.contacts ^ met)
-
-    def _toggle(self, footprint: Footprint, obstacles: Collection[Obstacle]) -> None:
-        if obstacles:
-            footprint.toggle(obstacles)
-            self.changed.add(footprint)
+    def _monitored(self, footprint: Footprint, rows: list[int]) -> list[Obstacle]:
+        obstacles = self._obstacles.bodies
+        return [obstacles[row] for row in rows
+                if footprint.settings.monitors(obstacles[row].name.source)]
 
 
 class _Placed(Generic[_Kind]):
@@ -191,3 +190,12 @@ class _Placed(Generic[_Kind]):
         body.row = None
         body.moved()
         return True
+
+
+def update_contacts(body: Body[Any], others: Iterable[_Other]) -> set[_Other]:
+    """Set the bodies that a body meets; return those gained or lost."""
+    gained_or_lost = body.contacts.symmetric_difference(others)
+    for other in gained_or_lost:
+        other.toggle((body,))
+    body.toggle(gained_or_lost)
+    return gained_or_lost

@@ -44,7 +44,7 @@ Origin: TypeAlias = tuple[str, int | None]
 Evaluation: TypeAlias = tuple[Status, tuple[str, ...]]
 
 
-class Footprint(Body):
+class Footprint(Body[Obstacle]):
     """A footprint: its place, its time and the status reported for it. Times are in ns."""
 
     evaluation: Evaluation  # the result of the last `evaluate`
@@ -52,7 +52,6 @@ class Footprint(Body):
 
     def __init__(self, settings: FootprintSettings) -> None:
         super().__init__()
-        self.contacts: set[Obstacle] = set()  # those that it monitors and is within the margin of
         self.stream = Stream()
         self._stream_faults: tuple[str, ...] = ()  # what is wrong with its publishers
         self.time: int | None = None  # its stamp, not in the future; None if there is no valid one
@@ -113,13 +112,12 @@ class Footprint(Body):
         obstacle.group.flush()
         return (obstacle.time - self.time) / 1e9
 
-    def toggle(self, obstacles: Collection[Obstacle]) -> None:
-        """End contacts with obstacles, and begin those that are none."""
-        self.contacts.symmetric_difference_update(obstacles)
-        for obstacle in obstacles:
-            name = obstacle.name
+    def toggle(self, others: Collection[Obstacle]) -> None:
+        super().toggle(others)
+        for other in others:
+            name = other.name
             before = self._held.get(name, 0)
-            now = before + 1 if obstacle in self.contacts else before - 1
+            now = before + 1 if other in self.contacts else before - 1
             if now:
                 self._held[name] = now
             else:

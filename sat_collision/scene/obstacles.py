@@ -11,22 +11,26 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Collection
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from sat_collision.geometry.body.polygon import Polygon
 from sat_collision.geometry.sets.packed_set import PackedSet
 from sat_collision.scene.velocity import MotionTracker
 
+_Other = TypeVar('_Other', bound='Body[Any]')
 
-class Body:
-    """A footprint or an obstacle, and where it is."""
 
-    __slots__ = ('row', 'placed', '_polygon')
+class Body(Generic[_Other]):
+    """A footprint or an obstacle: where it is, and its contacts."""
+
+    __slots__ = ('row', 'contacts', 'placed', '_polygon')
 
     def __init__(self) -> None:
         # Its row in the set of placed bodies of its kind, None while it is nowhere; and that set.
         self.row: int | None = None
         self.placed: PackedSet | None = None
+        self.contacts: set[_Other] = set()  # bodies of the other kind within the margin
         self._polygon: Polygon | None = None
 
     @property
@@ -40,6 +44,10 @@ class Body:
         """Drop the polygon of its last place."""
         self._polygon = None
 
+    def toggle(self, others: Collection[_Other]) -> None:
+        """Add or remove contacts: those that are contacts end, the others begin."""
+        self.contacts.symmetric_difference_update(others)
+
 
 class ObstacleId(NamedTuple):
     source: str  # name of the source
@@ -50,7 +58,7 @@ class ObstacleId(NamedTuple):
         return f'{self.source}/{self.key}'
 
 
-class Obstacle(Body):
+class Obstacle(Body[Body[Any]]):
     """
     An obstacle of a source; or, if `refused` says why, a stand-in for one that was refused.
 

@@ -38,17 +38,15 @@ def obstacles(contacts, count):
     return [Obstacle(group, 'lidar', key) for key in range(count)]
 
 
-def test_contact_begins_and_ends_by_either_body(contacts, robot):
+def test_contact_is_recorded_on_both_sides(contacts, robot):
     """An obstacle is placed onto the footprint, then the footprint onto another obstacle."""
     near, far = obstacles(contacts, 2)
     contacts.place_footprint(robot, square(0).packed)
     contacts.place_obstacle(near, square(0.5).packed)
     contacts.place_obstacle(far, square(5).packed)
-    assert robot.contacts == {near}
+    assert (robot.contacts, near.contacts, far.contacts) == ({near}, {robot}, set())
     contacts.place_footprint(robot, square(4.5).packed)
-    assert robot.contacts == {far}
-    contacts.place_obstacle(far, square(6).packed)
-    assert robot.contacts == set()
+    assert (robot.contacts, near.contacts, far.contacts) == ({far}, set(), {robot})
 
 
 def test_changed_are_footprints_that_gained_or_lost_a_contact(contacts, robot):
@@ -82,13 +80,13 @@ def test_removed_body_has_no_contacts_and_no_polygon(contacts, robot):
     contacts.place_obstacle(wall, square(-0.5).packed)
     contacts.changed.clear()
     contacts.remove_obstacle(person)
-    assert (robot.contacts, person.polygon) == ({wall}, None)
+    assert (robot.contacts, person.contacts, person.polygon) == ({wall}, set(), None)
     assert contacts.changed == {robot}
     contacts.changed.clear()
     contacts.remove_obstacle(person)
     assert contacts.changed == set()
     contacts.remove_footprint(robot)
-    assert (robot.contacts, robot.polygon) == (set(), None)
+    assert (robot.contacts, wall.contacts, robot.polygon) == (set(), set(), None)
     assert contacts.changed == {robot}
 
 
@@ -101,7 +99,7 @@ def test_row_of_a_removed_body_is_reused_for_another(contacts, robot):
     contacts.remove_obstacle(gone)
     contacts.place_obstacle(came, square(0.5).packed)
     assert came.row == row
-    assert robot.contacts == {came}
+    assert (robot.contacts, gone.contacts, came.contacts) == ({came}, set(), {robot})
 
 
 def test_new_margin_updates_all_pairs(contacts, robot):
@@ -117,6 +115,7 @@ def test_new_margin_updates_all_pairs(contacts, robot):
         contacts.changed.clear()
         contacts.use_margin(margin)
         assert (robot.contacts, contacts.changed) == (met, changed)
+        assert {body for body in (near, far) if body.contacts == {robot}} == met
 
 
 def test_nearest_excludes_given_obstacles(contacts, robot):

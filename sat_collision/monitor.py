@@ -148,10 +148,6 @@ class Monitor:
 
         They may be of either, so obstacles count, but end and replace nothing.
         """
-        if name not in self.scene.source_names:
-            rejections = self.receive_batch(name, messages, now)
-            self.interrupt(name)
-            return rejections
         self._follow_stream(name, partial(self.scene.mix, name, True))
         rejections = self.receive_batch(name, messages, now)
         self._follow_stream(name, partial(self.scene.mix, name, False))
@@ -167,8 +163,7 @@ class Monitor:
 
     def lose(self, name: str) -> None:
         """Record that messages were lost before the next one; for a source, as it is told so."""
-        if name in self.scene.source_names:
-            self._follow_stream(name, partial(self.scene.lose, name))
+        self._follow_stream(name, partial(self.scene.lose, name))
 
     def renew(self, name: str) -> None:
         """Start a source anew: a new subscription receives all that its publisher keeps."""

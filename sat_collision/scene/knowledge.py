@@ -370,8 +370,6 @@ class Refreshed(Knowledge):
     has not sent it again. Stamps further apart than the timeout are a gap.
     """
 
-    rate = 0.0
-
     def __init__(self, store: ObstacleStore, settings: ObstacleSettings, tolerance: int) -> None:
         super().__init__(store, settings, tolerance)
         self.by_id = KeyedGroup(store) if settings.type == POLYGON_INSTANCE else None

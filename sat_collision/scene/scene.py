@@ -272,7 +272,7 @@ class Scene(SceneView):
             refusal = FROM_FUTURE
         self._evaluate_obstacles(
             source, stamp if stamp and stamp < now else now,
-            source.faults is not faults or source.knowledge is not knowledge)
+            source.faults != faults or source.knowledge is not knowledge)
         return refusal
 
     def obstacle_run(self, name: str, run: Run, frame_id: str, stamp: int, now: int,
@@ -286,7 +286,7 @@ class Scene(SceneView):
         faults = source.faults
         taken = source.receive_run(run, frame_id, stamp, number, now)
         if taken:
-            self._evaluate_obstacles(source, stamp, source.faults is not faults)
+            self._evaluate_obstacles(source, stamp, source.faults != faults)
         return taken
 
     def _evaluate_obstacles(self, source: Source, time: int, has_new_faults: bool) -> None:
@@ -360,13 +360,17 @@ class Scene(SceneView):
         receiver.stream.interrupt()
 
     def lose(self, name: str) -> None:
-        """Record that messages of a source were lost before its next one."""
-        self._sources[name].stream.lose()
+        """Record that messages were lost before the next one, if a source is told so."""
+        if source := self._sources.get(name):
+            source.stream.is_lossy = True
 
     def mix(self, name: str, is_mixed: bool) -> None:
-        """Begin or end a time at which messages of a source may be of any publisher."""
-        self._sources[name].mix(is_mixed, self._now)
-        self._follow_up(self._sources[name])
+        """Begin or end a time at which messages of a name may be of any publisher."""
+        if source := self._sources.get(name):
+            source.mix(is_mixed, self._now)
+            self._follow_up(source)
+        else:
+            self._footprints[name].stream.interrupt()
 
     def wait(self, name: str, first: float) -> None:
         """Record the number of a source's first message that waits, NEVER if none does."""

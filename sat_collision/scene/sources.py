@@ -53,8 +53,7 @@ class Source:
         self.store = ObstacleStore(settings.name, contacts)
         self.stream = Stream()
         self.middleware = 'its middleware'
-        # Why the source cannot be trusted, as sentences; empty if it can. The same object until
-        # they change.
+        # Why the source cannot be trusted, as sentences; empty if it can.
         self.faults: tuple[str, ...] = ()
         # Why its frame cannot be followed, as the end of a sentence; empty if it can, until when.
         self.frame_limit: tuple[str, float] = '', NEVER
@@ -245,7 +244,7 @@ class Source:
                 self._mixed.take(body, frame_id, time)
             return refusal
         # The start of a map may be kept by its publisher, unless this is all that it keeps.
-        wants_history = self.knowledge.wants_history or not self.stream.is_new
+        wants_history = self.knowledge.wants_history or self.stream.last > 0
         continuity = self.stream.receive(number, now)
         is_mark = body is None and not refusal and self.settings.set_end == EMPTY_POLYGON
         if continuity is JOINED or continuity is BEGUN:
@@ -292,8 +291,7 @@ class Source:
         by itself.
         """
         knowledge, stream = self.knowledge, self.stream
-        expected = stream.next
-        if (expected is None or number not in (None, expected) or stream.is_lossy
+        if (stream.is_interrupted or number not in (None, stream.last + 1) or stream.is_lossy
                 or stream.awaits_endpoint or self._mixed is not None or self._is_far
                 or not 0 < stamp <= now <= stamp + self.timeout
                 or stamp + self.timeout < knowledge.newest):
@@ -301,8 +299,8 @@ class Source:
         taken = knowledge.receive_run(run, frame_id, stamp, now)
         if taken:
             # All before the last one continued the stream.
-            stream.next = expected + taken - 1
-            stream.receive(number and stream.next, now)
+            stream.last += taken - 1
+            stream.receive(number and stream.last + 1, now)
             self._drop_former()
             if self.faults or knowledge.is_known is not self._was_known:
                 self.find_faults(now)
@@ -350,7 +348,7 @@ class Source:
             # Obstacles kept while the last whole listing was valid may be too old.
             self.knowledge.pass_time(now)
         self._was_known = self.knowledge.is_known
-        faults: tuple[str, ...] = ()
+        self.faults = ()
         if self.settings.enabled:
             words = self.stream.faults()
             if self._lacks_numbers and not self.settings.assume_no_loss:
@@ -371,7 +369,6 @@ class Source:
             number, refusal = self._early_refusal
             if self._first <= number:
                 words.append(f'sent what was refused: {refusal}')
-            faults = tuple(f'obstacle source {self.settings.name} on {self.settings.topic} {word}'
-                           for word in words)
-        if faults != self.faults:
-            self.faults = faults
+            self.faults = tuple(
+                f'obstacle source {self.settings.name} on {self.settings.topic} {word}'
+                for word in words)

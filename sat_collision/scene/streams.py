@@ -61,7 +61,8 @@ class Stream:
     """
 
     def __init__(self) -> None:
-        self.next: int | None = None  # the number that continues the stream, None if none does
+        self.last = 0  # the number of the last message; 0 before the first one
+        self.is_interrupted = True  # whether the next message does not continue the stream
         self.lost = 0  # how many messages, so far
         self.is_numbered = True  # whether the middleware gives numbers, which show losses
         # Whether messages were lost before the next one, where no number shows it.
@@ -70,7 +71,6 @@ class Stream:
         # they are one now, NEVER if they are not.
         self.timeout: float = NEVER
         self.mixed_until: float = NEVER
-        self._last = 0  # the number of the message before, while `next` is None
         self._last_before = 0  # the last number of the previous stream
         # By gid in order of appearance, None if not known yet; the gid of the stream's publisher.
         self._endpoints: dict[str, Endpoint] | None = None
@@ -104,24 +104,19 @@ class Stream:
         return len(self._endpoints or ()) <= 1
 
     @property
-    def is_new(self) -> bool:
-        """Whether nothing has been received since the subscription was made."""
-        return self.next is None and not self._last
-
-    @property
     def is_again(self) -> bool:
         """Whether messages are still to come again that were received before."""
         return self._newest < self._again
 
     def receive(self, number: int | None, now: int) -> Continuity:
         """Receive the number of a message; if the middleware gives none, losses go unnoticed."""
-        expected = self.next
+        expected = None if self.is_interrupted else self.last + 1
         self.is_numbered = number is not None
         if number is None:
             number = 2 if expected is None else expected
         number += self.is_lossy
         self.is_lossy = False
-        self.next = number + 1
+        last, self.last, self.is_interrupted = self.last, number, False
         self._newest = max(self._newest, number)
         if not self.is_again:
             self._again, self.again_until = 0, NEVER
@@ -129,7 +124,6 @@ class Stream:
         self.awaits_endpoint = False
         if number == expected:
             return CONTINUES
-        last = self._last if expected is None else expected - 1
         if number == 1 or number <= last:
             self._last_before = last
             self._find_publisher(number, expected, now)
@@ -148,10 +142,6 @@ class Stream:
         self.lost += number - expected
         self._doubt_publisher(number)
         return LOST
-
-    def lose(self) -> None:
-        """Record that messages were lost before the next one, where no number shows it."""
-        self.is_lossy = True
 
     def update(self, endpoints: Sequence[Endpoint]) -> bool:
         """Update the publishers; return whether knowledge of obstacles must begin anew."""
@@ -209,12 +199,11 @@ class Stream:
 
     def interrupt(self) -> None:
         """End the stream: the next message belongs to another one."""
-        if self.next is not None:
-            self._last, self.next = self.next - 1, None
+        self.is_interrupted = True
 
     def restart(self, now: int) -> None:
         """Start over with a new subscription, to which the publisher sends all that it keeps."""
-        self.next, self._last = None, 0
+        self.last, self.is_interrupted = 0, True
         self._again = max(self._again, self._newest)
         self.limit_again(now)
         self._newest, self._is_newest_sure = 0, self.is_alone

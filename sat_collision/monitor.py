@@ -213,7 +213,7 @@ class Monitor:
             found = self.transforms.lookup_affine(frame_id, 0, now)
             if not isinstance(found, NoTransform):
                 del self.ingest.untransformed[name]
-                self.scene.request_history(name)
+                self.scene.sources[name].request_history()
 
     def _follow(self, now: int) -> list[Rejection]:
         """Place the outlines that have moved, once there is a clock."""

@@ -208,7 +208,7 @@ def test_without_numbers_only_sets_in_one_message_are_known(changes, assumed):
             monitor.receive('lidar', serialised(points, now, instance=with_id), now, None)
     assert monitor.scene.state('robot').status.value == ('clear' if assumed else 'unknown')
     faults = ' '.join(monitor.scene.source_faults)
-    (summary, _), = monitor.scene.source_summaries
+    summary, = (source.summary for source in monitor.scene.sources.values())
     if assumed:
         assert not faults and summary.endswith('assuming that none was lost')
     else:

@@ -34,7 +34,7 @@ def snapshot(monitor):
 def known(monitor, names):
     """Return what does not depend on where bodies are, and how old the named obstacles are."""
     scene = monitor.scene
-    times = sorted((one.name, one.time) for source in scene._sources.values()
+    times = sorted((one.name, one.time) for source in scene.sources.values()
                    for one in source.store if one.row is not None and one.name in names)
     return (scene.unknown_reasons('robot'), times, scene.deadline,
             scene.source_faults, monitor.rejected, monitor.received, monitor.lost,

@@ -214,7 +214,8 @@ class Ingest:
                     self._followed[name][sent_in] = affine
                     self.follow_maps(now)
                 if settings.moving and obstacle and instance is not None and refusal is None:
-                    scene.track_obstacle(name, instance, vertices_of(points, affine), stamp, now)
+                    scene.sources[name].track(
+                        instance, stamp or now, vertices_of(points, affine))
         except (MessageError, PolygonError) as error:
             return self.refuse(settings, _reason_of(error), str(error), now, stamp, instance,
                                number)

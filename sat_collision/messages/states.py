@@ -125,7 +125,8 @@ class States:
             scene.path_checks[name].text if name in scene.path_checks else '',
             motion,
             ', '.join(map(str, prediction.unknown)) if prediction else '',
-            *('; '.join(filter(None, known)) for known in scene.source_summaries))
+            *('; '.join(filter(None, (one.summary, one.advice)))
+              for one in scene.sources.values()))
         for value, text in zip(self._statuses[name].values[2:-1], texts):
             value.value = text
 

@@ -171,8 +171,8 @@ class WaitingItems:
         """Drop all messages: the clock was set. A map goes on without those, to be sent again."""
         queues, self._queues = self._queues, {}
         for name, queue in queues.items():
-            is_map = name in self._scene.source_names and not (
-                self._scene.settings_of(name).timeout)
+            settings = self._scene.settings_of(name)
+            is_map = isinstance(settings, ObstacleSettings) and not settings.timeout
             for held in queue.items:
                 if held.happens or is_map:
                     self._take(name, held, now, False)

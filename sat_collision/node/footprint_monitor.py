@@ -271,10 +271,10 @@ class FootprintMonitor(Node):
             if self._transform_inputs and not self.count_publishers(TF):
                 faults.append(f'{TF} has no publisher: start what publishes the transforms')
             self._scene.note_transforms(tuple(faults))
-            for name, advice in self._scene.advice.items():
-                if name not in self._advised:
+            for name, source in self._scene.sources.items():
+                if source.knowledge.is_known and source.advice and name not in self._advised:
                     self._advised.add(name)
-                    self.get_logger().info(advice)
+                    self.get_logger().info(source.advice)
         self._tick_ended = time.monotonic()
 
     def _publish_markers(self) -> None:

@@ -190,7 +190,7 @@ class _Check:
             f'a contact with {source.name} may be with where an obstacle was: {advice}'
             for source in self._settings.obstacles if source.enabled
             and self._monitor.received[source.name]
-            and (advice := self._scene.known_by(source.name)[1])]
+            and (advice := self._scene.sources[source.name].advice)]
         if self._tape:
             self._tape.finish()
         if self._tape and self._tape.fault:
@@ -213,7 +213,7 @@ class _Check:
             undetermined=self._motion.undetermined_of(name) if self._motion else 0,
             refused=0 if isinstance(source, PathSettings) else sum(
                 count for reason, count in rejected.items() if reason in _OF_CONTENT),
-            known_by=self._scene.known_by(name)[0])
+            known_by=(self._scene.sources[name].rule if name in self._scene.sources else ''))
 
     def _play(self, names: dict[str, list[str]], start: int, stop: int | None, end: int,
               progress: OnProgress | None) -> None:

@@ -97,8 +97,8 @@ class Scene(SceneView):
         self._clock_fault = ''  # why the clock cannot be trusted; empty if it can
         self._use(settings)
         self._contacts = Contacts(settings.margin)
-        self._sources = {source.name: Source(source, self._contacts, self._future_tolerance)
-                         for source in settings.obstacles}
+        self.sources = {source.name: Source(source, self._contacts, self._future_tolerance)
+                        for source in settings.obstacles}
         self._footprints = {footprint.name: Footprint(footprint)
                             for footprint in settings.footprints}
         # What the faults beside those of footprints were last found from.
@@ -126,7 +126,7 @@ class Scene(SceneView):
         """
         self._use(settings)
         for source in settings.obstacles:
-            self._sources[source.name].configure(source, self._future_tolerance, self._now)
+            self.sources[source.name].configure(source, self._future_tolerance, self._now)
         for new in settings.footprints:
             footprint = self._footprints[new.name]
             if new.enabled != footprint.settings.enabled:
@@ -198,11 +198,6 @@ class Scene(SceneView):
         if footprint.time is not None:
             footprint.motion.place(footprint.stamp, vertices, given)
 
-    def track_obstacle(self, name: str, instance: int, vertices: Vertices, stamp: int,
-                       now: int) -> None:
-        """Track an obstacle just received that may move: its vertices in the order sent."""
-        self._sources[name].track(instance, stamp or now, vertices)
-
     def command(self, name: str, command: Command) -> None:
         self._footprints[name].command = command
 
@@ -228,7 +223,7 @@ class Scene(SceneView):
         if footprint.status is Status.UNKNOWN:
             footprint.is_imminent = None
             return
-        found = predict(footprint, self._contacts, self._sources.values(), self._now,
+        found = predict(footprint, self._contacts, self.sources.values(), self._now,
                         threshold + _AHEAD)
         seconds = found.seconds if found else math.inf
         if footprint.is_imminent != (seconds <= threshold):
@@ -253,7 +248,7 @@ class Scene(SceneView):
         """
         if now != self._now:
             self.pass_time(now)
-        source = self._sources[name]
+        source = self.sources[name]
         if not source.settings.enabled:
             return None
         faults, knowledge = source.faults, source.knowledge
@@ -282,7 +277,7 @@ class Scene(SceneView):
             return 0
         if now != self._now:
             self.pass_time(now)
-        source = self._sources[name]
+        source = self.sources[name]
         faults = source.faults
         taken = source.receive_run(run, frame_id, stamp, number, now)
         if taken:
@@ -309,7 +304,7 @@ class Scene(SceneView):
         self.pass_time(now)
         if stamp is not None and self._from_future(stamp):
             stamp = None
-        source = self._sources.get(name)
+        source = self.sources.get(name)
         if source is None:
             if number is not None:
                 self.receive_number(name, number, now)
@@ -328,7 +323,7 @@ class Scene(SceneView):
                 self._evaluate()
 
     def update_publishers(self, name: str, endpoints: Sequence[Endpoint]) -> None:
-        if source := self._sources.get(name):
+        if source := self.sources.get(name):
             source.update_publishers(endpoints, self._now)
             self._follow_up(source)
         else:
@@ -341,32 +336,28 @@ class Scene(SceneView):
 
     def wants_history(self, name: str) -> bool:
         """Return whether a map is needed again from the start, by a new subscription."""
-        source = self._sources.get(name)
+        source = self.sources.get(name)
         return source is not None and source.settings.enabled and (
             source.knowledge.wants_history and not source.stream.faults())
 
-    def request_history(self, name: str) -> None:
-        """Request a map again of which something is missing, as it may be taken now."""
-        self._sources[name].request_history()
-
     def renew(self, name: str) -> None:
         """Start a source anew: a new subscription receives all that its publisher keeps."""
-        self._sources[name].renew(self._now)
-        self._follow_up(self._sources[name])
+        self.sources[name].renew(self._now)
+        self._follow_up(self.sources[name])
 
     def interrupt(self, name: str) -> None:
         """Record that the next message of a name is not known to continue the one before."""
-        receiver: Footprint | Source = self._sources.get(name) or self._footprints[name]
+        receiver: Footprint | Source = self.sources.get(name) or self._footprints[name]
         receiver.stream.interrupt()
 
     def lose(self, name: str) -> None:
         """Record that messages were lost before the next one, if a source is told so."""
-        if source := self._sources.get(name):
+        if source := self.sources.get(name):
             source.stream.is_lossy = True
 
     def mix(self, name: str, is_mixed: bool) -> None:
         """Begin or end a time at which messages of a name may be of any publisher."""
-        if source := self._sources.get(name):
+        if source := self.sources.get(name):
             source.mix(is_mixed, self._now)
             self._follow_up(source)
         else:
@@ -374,7 +365,7 @@ class Scene(SceneView):
 
     def wait(self, name: str, first: float) -> None:
         """Record the number of a source's first message that waits, NEVER if none does."""
-        if source := self._sources.get(name):
+        if source := self.sources.get(name):
             source.wait(first)
             self._follow_up(source)
 
@@ -385,7 +376,7 @@ class Scene(SceneView):
 
         The order is its number in the queue; the body is None if it is refused.
         """
-        source = self._sources[name]
+        source = self.sources[name]
         if problem := self._from_future(stamp):
             body, refusal = None, problem
         source.receive_early(body, self.frame_id, stamp, self._now, order, instance, refusal)
@@ -394,23 +385,23 @@ class Scene(SceneView):
     def follow_frame(self, name: str, frame_id: str,
                      body_of: Callable[[Any], PackedBody | None]) -> None:
         """Place the obstacles of a map that were sent in a frame anew, where that is now."""
-        self._sources[name].follow_frame(frame_id, body_of, self._now)
-        self._follow_up(self._sources[name])
+        self.sources[name].follow_frame(frame_id, body_of, self._now)
+        self._follow_up(self.sources[name])
 
     def joined(self, name: str) -> tuple[int, int]:
         """Return which listing the last message of a source joined, and which is whole; or 0."""
-        if name not in self._sources:
+        if name not in self.sources:
             return 0, 0
-        knowledge = self._sources[name].knowledge
+        knowledge = self.sources[name].knowledge
         return knowledge.joined, knowledge.last_whole
 
     def map_frames(self, name: str) -> set[str]:
         """Return the other frames in which obstacles of a map were sent."""
-        return set().union(*(group.frames for group in self._sources[name].store.groups))
+        return set().union(*(group.frames for group in self.sources[name].store.groups))
 
     def limit_frames(self, name: str, fault: str, deadline: float) -> None:
         """Record why a frame of a map cannot be followed, or until when all can."""
-        source = self._sources[name]
+        source = self.sources[name]
         if source.frame_limit != (fault, deadline):
             source.frame_limit = fault, deadline
             self._follow_up(source)
@@ -448,18 +439,18 @@ class Scene(SceneView):
             footprint.limit_times(now)
             if footprint.deadline < now:
                 self._contacts.changed.add(footprint)
-        for source in self._sources.values():
+        for source in self.sources.values():
             if source.deadline < now:
                 source.pass_time(now)
         self.deadline = min(chain(
-            (source.deadline for source in self._sources.values()),
+            (source.deadline for source in self.sources.values()),
             (footprint.deadline for footprint in self._footprints.values()
              if footprint not in self._contacts.changed)), default=NEVER)
         self._reevaluate_all()
 
     def use_middleware(self, name: str) -> None:
         """Name the middleware where it gives no sequence numbers."""
-        for source in self._sources.values():
+        for source in self.sources.values():
             source.middleware = name
 
     def take_changes(self) -> Changes:
@@ -487,7 +478,7 @@ class Scene(SceneView):
         for footprint in self._footprints.values():
             footprint.set_back(now)
             self._invalidate(footprint, _CLOCK_WAS_SET)
-        for source in self._sources.values():
+        for source in self.sources.values():
             source.set_back(now)
         # What follows from it is due.
         self.deadline = -NEVER
@@ -509,7 +500,7 @@ class Scene(SceneView):
         for footprint in self._footprints.values():
             if footprint.time is not None and footprint.frame_id != self.frame_id:
                 self._invalidate(footprint, f'is not in the frame {in_quotes(self.frame_id)}')
-        for source in self._sources.values():
+        for source in self.sources.values():
             source.refuse_other_frames(self.frame_id, self._now)
             source.find_faults(self._now)
         self._reevaluate_all()
@@ -531,7 +522,7 @@ class Scene(SceneView):
         """Update the faults, and evaluate the footprints for which something has changed."""
         monitor_fault = (_DISABLED if not self.settings.enabled else _NO_CLOCK if not self._now
                          else self._clock_fault)
-        causes = monitor_fault, self.settings, *(one.faults for one in self._sources.values())
+        causes = monitor_fault, self.settings, *(one.faults for one in self.sources.values())
         if causes != self._causes:
             self._causes = causes
             for footprint in self._footprints.values():
@@ -543,7 +534,7 @@ class Scene(SceneView):
 
     def _source_faults(self, footprint: Footprint) -> tuple[str, ...]:
         """Return why obstacles that a footprint monitors may not have been received."""
-        monitored = [source for name, source in self._sources.items()
+        monitored = [source for name, source in self.sources.items()
                      if footprint.settings.monitors(name)]
         if not any(source.settings.enabled for source in monitored):
             return (_NONE_OF_THEM if footprint.settings.obstacles else _NO_SOURCE),

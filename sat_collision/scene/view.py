@@ -12,7 +12,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from itertools import chain
 from typing import NamedTuple
@@ -44,7 +44,7 @@ class SceneView:
     settings: Settings
     _now: int
     _contacts: Contacts
-    _sources: dict[str, Source]
+    sources: dict[str, Source]  # by name
     _footprints: dict[str, Footprint]
 
     @property
@@ -60,45 +60,24 @@ class SceneView:
     @property
     def obstacles(self) -> list[tuple[ObstacleId, Polygon]]:
         """The (ObstacleId, Polygon) of every obstacle that is placed."""
-        return [(obstacle.name, polygon) for source in self._sources.values()
+        return [(obstacle.name, polygon) for source in self.sources.values()
                 for obstacle in source.store if (polygon := obstacle.polygon) is not None]
 
     def nearest_obstacles(self, limit: int) -> list[tuple[ObstacleId, Polygon]]:
         """Return up to `limit` obstacles as `obstacles` does: those nearest to footprints."""
         rows = self._contacts.nearest_rows(limit)
-        return [(obstacle.name, polygon) for source in self._sources.values()
+        return [(obstacle.name, polygon) for source in self.sources.values()
                 for obstacle in source.store
                 if obstacle.row in rows and (polygon := obstacle.polygon) is not None]
 
     @property
-    def source_summaries(self) -> list[tuple[str, str]]:
-        """What is known of each source, and how it would release obstacles sooner."""
-        return [(source.summary, source.advice) for source in self._sources.values()]
-
-    def known_by(self, name: str) -> tuple[str, str]:
-        """Return the rule by which a source is known, and how it would release sooner."""
-        return (self._sources[name].rule, self._sources[name].advice) if (
-            name in self._sources) else ('', '')
-
-    @property
-    def advice(self) -> dict[str, str]:
-        """How sources that are known would release obstacles sooner, by their names."""
-        return {name: source.advice for name, source in self._sources.items()
-                if source.advice and source.knowledge.is_known}
-
-    @property
     def source_faults(self) -> tuple[str, ...]:
         """Why sources of obstacles cannot be trusted, in sentences."""
-        return tuple(chain.from_iterable(source.faults for source in self._sources.values()))
-
-    @property
-    def source_names(self) -> Collection[str]:
-        """The names of the sources of obstacles."""
-        return self._sources
+        return tuple(chain.from_iterable(source.faults for source in self.sources.values()))
 
     def settings_of(self, name: str) -> FootprintSettings | ObstacleSettings:
         """Return the settings of a footprint or source by its name."""
-        source = self._sources.get(name)
+        source = self.sources.get(name)
         return source.settings if source else self._footprints[name].settings
 
     def footprint_timeout(self, source: str) -> float:
@@ -184,10 +163,10 @@ class SceneView:
         """
         footprint = self._footprints[name]
         horizon = max(self.settings.horizon, footprint.settings.min_time_to_collision)
-        return predict(footprint, self._contacts, self._sources.values(), self._now,
+        return predict(footprint, self._contacts, self.sources.values(), self._now,
                        horizon) if horizon else None
 
     def lost(self) -> Counter[str]:
         """Return the number of messages that were sent but not received, by name."""
-        receivers: Mapping[str, Footprint | Source] = {**self._footprints, **self._sources}
+        receivers: Mapping[str, Footprint | Source] = {**self._footprints, **self.sources}
         return +Counter({name: one.stream.lost for name, one in receivers.items()})

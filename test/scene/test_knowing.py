@@ -177,7 +177,7 @@ def ignore_older_namesakes(patch):
 
 def take_mixed_messages_for_those_of_one(patch):
     def receive(self, name, messages, now):
-        stream = self.scene._sources[name].stream
+        stream = self.scene.sources[name].stream
         number = None if stream.is_interrupted else stream.last + 1
         return self.receive_batch(name, messages, now, number)
     patch.setattr(Monitor, 'receive_mixed', receive)

@@ -102,7 +102,7 @@ class ByPolygons:
             return refusal
         refusal = self.scene.obstacle(name, body, frame_id, stamp, now, instance, number)
         if refusal is None and ring and self._sources[name].moving:
-            self.scene.track_obstacle(name, instance, np.array(ring), stamp, now)
+            self.scene.sources[name].track(instance, stamp or now, np.array(ring))
         return refusal
 
     def refuse(self, name, reason, stamp, now, instance, number):

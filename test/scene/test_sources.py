@@ -432,7 +432,7 @@ def test_disabled_source_is_ignored():
     stage.lose()
     assert status_and_reasons(stage) == ('clear', ())
     assert [name.source for name, _ in stage.scene.obstacles] == ['radar']
-    assert stage.scene.source_summaries[0] == ('disabled', '')
+    assert stage.scene.sources['lidar'].summary == 'disabled'
     stage.scene.update(settings)
     assert status_and_reasons(stage) == ('unknown', (NOTHING_SENT,))
     stage.see(0.5)
@@ -479,6 +479,7 @@ def test_state_shows_what_is_known_and_how(settings, summary, rest):
             stage.see(x, instance=instance)
         if settings.set_end == 'empty_polygon':
             stage.end()
-    (shown, advice), = stage.scene.source_summaries
+    source, = stage.scene.sources.values()
+    shown, advice = source.summary, source.advice
     assert shown == summary
     assert advice.endswith(rest) and bool(advice) == bool(rest)

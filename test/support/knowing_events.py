@@ -195,7 +195,7 @@ class Events:
 
     @property
     def source(self):
-        return self.monitor.scene._sources['obstacle']
+        return self.monitor.scene.sources['obstacle']
 
     @property
     def _may_lose(self):

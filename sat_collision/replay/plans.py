@@ -19,7 +19,8 @@ from typing import NamedTuple
 from sat_collision.messages.paths import ReceivedPath
 from sat_collision.messages.rejections import Rejection
 from sat_collision.monitor import Monitor
-from sat_collision.replay.model.result import FootprintResult, PlanContact
+from sat_collision.replay.model.result import (
+    FootprintResult, MAX_CONTACTS, MAX_PLACES, PlanContact, spread)
 from sat_collision.scene.path import PathCheck
 from sat_collision.scene.settings import FootprintSettings, PathSettings, Settings
 
@@ -31,7 +32,7 @@ class Plans:
     Checks plans by what the monitor knows, and records what is found in results of footprints.
 
     A plan whose frame has no transform yet is checked when that comes, for up to
-    `transform_timeout`. With `keeps_ways` contacts have what is drawn of them.
+    `transform_timeout`. With `keeps_ways` the first contacts have what is drawn of them.
     """
 
     def __init__(self, settings: Settings, monitor: Monitor, footprints: list[FootprintResult],
@@ -102,8 +103,10 @@ class Plans:
             contact = plan.contact = PlanContact(
                 result.name, str(found.obstacle), plan.time, plan.until, found.pose, found.metres)
             self.contacts.append(contact)
-            if self._keeps_ways and found.way is not None and found.outline is not None:
-                contact.way, contact.outline = found.way.tolist(), found.outline.tolist()
+            if (self._keeps_ways and len(self.contacts) <= MAX_CONTACTS
+                    and found.way is not None and found.outline is not None):
+                contact.way = spread(found.way.tolist(), MAX_PLACES)
+                contact.outline = found.outline.tolist()
 
 
 class _Planner(NamedTuple):

@@ -15,12 +15,13 @@ import math
 from xml.etree import ElementTree
 
 from builders import odometry, path, serialised, transforms
+import numpy as np
 import pytest
 from recordings import (
     box, check, declared, losses, LOST, LOST_TOPIC, main, MARKS, nanoseconds, SOURCE, write)
 from sat_collision.messages.interfaces import deserialize, Float64
 from sat_collision.replay.bag.recording import Recording
-from sat_collision.replay.model.result import Limits, Options, Verdict
+from sat_collision.replay.model.result import Limits, MAX_CONTACTS, Options, Verdict
 from sat_collision.replay.output.page import write_page
 
 TYPES = {'/tf': 'tf2_msgs/msg/TFMessage', '/plan': 'nav_msgs/msg/Path', LOST_TOPIC: LOST,
@@ -314,3 +315,14 @@ def test_page_has_plans_in_contact(tmp_path):
     row, = tables['Plans in contact']
     assert row == ['footprint', f'{SOURCE}/0', '1.050', '4500.00', '4.500']
     assert tables['Plans'] == [['footprint', '2', '0', '']]
+
+
+def test_only_what_is_drawn_of_plans_is_kept(tmp_path):
+    """However many there are, and however many poses they have."""
+    plans = [plan(1.0 + k / 1000, [(x, 0.0, 0.0) for x in np.linspace(0.0, 9.0, 400)])
+             for k in range(MAX_CONTACTS + 50)]
+    bag = write(tmp_path / 'bag', drive(*plans), types=TYPES)
+    found = check(bag, replace(OPTIONS, keyframes=True)).plan_contacts
+    assert [len(one.way) for one in found] == MAX_CONTACTS * [200] + 50 * [0]
+    assert found[0].way[0] == [0.0, 0.0] and found[0].way[-1] == pytest.approx(
+        [4.5, 0.0], abs=1e-3)

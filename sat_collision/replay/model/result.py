@@ -36,8 +36,9 @@ _SECOND = 10**9
 _MOMENTS = 400
 _AROUND = 40
 _MAX_AROUND = 20
-# Max contacts that are drawn, and max samples of a curve.
+# Max contacts that are drawn, also of plans; max places of a plan, and max samples of a curve.
 MAX_CONTACTS = 200
+MAX_PLACES = 200
 _MAX_SAMPLES = 4096
 
 
@@ -481,6 +482,12 @@ def moments_of(result: Result) -> list[int]:
 def deepest_contacts(result: Result) -> list[Contact]:
     """Return the contacts of a result, the deepest first; not more than are drawn."""
     return sorted(result.contacts, key=lambda contact: -contact.depth)[:MAX_CONTACTS]
+
+
+def spread(places: Sequence[list[float]], limit: int) -> list[list[float]]:
+    """Return at most so many of some places, the first and the last ones included."""
+    last, count = len(places) - 1, min(len(places), limit)
+    return [places[last * k // (count - 1)] for k in range(count)] if count > 1 else [*places]
 
 
 def _spread(first: int, last: int, count: int) -> set[int]:

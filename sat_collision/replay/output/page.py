@@ -23,7 +23,7 @@ import numpy as np
 from sat_collision.replay.model.keyframes import Floats, Keyframes, ShownBody
 from sat_collision.replay.model.result import (
     Contact, deepest_contacts, joined, least_of_all, MAX_CONTACTS, overall, PlanContact, Result,
-    Sample, SEVERITY, Unknown)
+    Sample, SEVERITY, spread, Unknown)
 from sat_collision.replay.output.text import (
     CLOCKS, colours, distance, first_and_duration, INTERVAL, lanes_of, name_of, Table, tables_of,
     unknown_times)
@@ -37,8 +37,8 @@ _UNIT = 1e-4
 _MAX_ROWS = 200
 _MAX_SAMPLES = 40_000
 _FEWEST_MOMENTS = 24
-# Max number of places of a plan that is drawn.
-_MAX_PLACES = 200
+# Min characters of a recording's data for each sample of its curves, and each place of a plan.
+_PER_SAMPLE, _PER_PLACE = 100, 20_000
 # Characters: two numbers of two digits, and commas.
 _LEAST_OF_VERTEX = 6
 
@@ -85,7 +85,7 @@ def _fitted(result: Result, limit: int) -> str:
         least = sum(_LEAST_OF_VERTEX * len(body.spans[0].ring) * min(len(body.spans), len(numbers))
                     for body in bodies)
         if least <= limit or not bodies:
-            text = _as_json(_recording(result, keyframes, numbers, bodies))
+            text = _as_json(_recording(result, keyframes, numbers, bodies, limit))
             if len(text) <= limit or not bodies:
                 return text
         if len(numbers) > _FEWEST_MOMENTS:
@@ -111,14 +111,15 @@ def _nearest_half(bodies: list[ShownBody]) -> list[ShownBody]:
 
 
 def _recording(result: Result, keyframes: Keyframes, numbers: list[int],
-               bodies: list[ShownBody]) -> dict[str, Any]:
+               bodies: list[ShownBody], limit: int) -> dict[str, Any]:
     rows = {body: row for row, body in enumerate(bodies)}
     names = {footprint.name: k for k, footprint in enumerate(result.footprints)}
     contacts = sorted(deepest_contacts(result), key=lambda contact: contact.first)
     places = {id(contact): k for k, contact in enumerate(contacts)}
     name, least = result.nearest or ('', None)
     moments = [keyframes.moments[k] for k in numbers]
-    count = max(_MAX_SAMPLES // max(len(names), 1), 16)
+    count = max(min(_MAX_SAMPLES, limit // _PER_SAMPLE) // max(len(names), 1), 16)
+    most = max(limit // _PER_PLACE, 2)
     return {
         'name': name_of(result), 'verdict': result.verdict.words, 'asLive': result.options.as_live,
         'problems': result.problems[:_MAX_ROWS], 'notes': result.notes[:_MAX_ROWS],
@@ -136,7 +137,7 @@ def _recording(result: Result, keyframes: Keyframes, numbers: list[int],
             {**bar._asdict(), 'contact': places.get(id(bar.contact))} for bar in lane.bars]}
             for lane in lanes_of(result)],
         'contacts': [_contact(contact, result, rows, names) for contact in contacts],
-        'plans': [_plan(one, result, names) for one in result.plan_contacts[:_MAX_ROWS]],
+        'plans': [_plan(one, result, names, most) for one in result.plan_contacts[:_MAX_ROWS]],
         'times': [round(result.since(time), 6) for time in moments], 'unit': _UNIT,
         'bodies': [_body(body, names, numbers) for body in bodies],
         'begin': result.since(least.time if least else result.start or 0),
@@ -178,9 +179,9 @@ def _contact(contact: Contact, result: Result, rows: dict[ShownBody, int],
         'bodies': [rows[body] for body in bodies if body in rows]}
 
 
-def _plan(contact: PlanContact, result: Result, names: dict[str, int]) -> dict[str, Any]:
-    count = len(contact.way)
-    way = [contact.way[int(k)] for k in np.linspace(0, count - 1, min(count, _MAX_PLACES))]
+def _plan(contact: PlanContact, result: Result, names: dict[str, int],
+          limit: int) -> dict[str, Any]:
+    way = spread(contact.way, limit)
     return {'footprint': names[contact.footprint], 'first': result.since(contact.time),
             'last': result.since(contact.until),
             **{key: np.round(places, 4).ravel().tolist()

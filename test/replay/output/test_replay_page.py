@@ -510,6 +510,21 @@ def test_plan_in_contact_is_drawn_while_it_counts(page, tmp_path):
     assert shown.chromium.execute_script(plans) == 0
 
 
+def test_page_of_many_recordings_has_at_most_eight_megabytes(tmp_path):
+    """With long curves, and plans of many places."""
+    rng = np.random.default_rng(1)
+    result = Result('bag', origin=0, start=0, end=300 * 10**9)
+    result.footprints = [FootprintResult(f'robot{k}', '/a', True, plans=200) for k in range(3)]
+    for footprint in result.footprints:
+        footprint.separation = [(int(t), float(v)) for t, v in zip(
+            np.linspace(0, 300e9, 4096), rng.random(4096))]
+    result.plan_contacts = [PlanContact(
+        'robot0', 'shelf/0', 10**9 * k, 10**9 * (k + 1), 0.9, 9.0, rng.random((200, 2)).tolist(),
+        box(9.0)) for k in range(200)]
+    write_page(30 * [result], tmp_path / 'page.html')
+    assert 3_000_000 < (tmp_path / 'page.html').stat().st_size <= 8_000_000
+
+
 @pytest.mark.long
 @pytest.mark.parametrize('bodies, moments', [(200, 440), (1500, 200)])
 def test_page_has_at_most_eight_megabytes(page, tmp_path, bodies, moments):

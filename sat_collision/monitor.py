@@ -83,7 +83,7 @@ class Monitor:
         self.outlines.configure(settings)
         self.scene.update(settings)
         self._request_maps(self._now)
-        return self._follow(self._now)
+        return self.outlines.follow(self._now)
 
     @property
     def lost(self) -> Counter[str]:
@@ -186,7 +186,7 @@ class Monitor:
     def advance(self, now: int) -> list[Rejection]:
         """Let time pass, see `Scene.pass_time`, and refuse messages that waited too long."""
         self._watch_clock(now)
-        rejections = self._follow(now) if self.outlines.deadline < now else []
+        rejections = self.outlines.follow(now) if self.outlines.deadline < now else []
         if self.waiting.earliest < now:
             rejections += self.waiting.take(now)
         self.scene.pass_time(now)
@@ -200,7 +200,7 @@ class Monitor:
 
     def _take_moved(self, now: int) -> list[Rejection]:
         """Take messages whose transforms have arrived, and place outlines that have moved."""
-        rejections = self._follow(now)
+        rejections = self.outlines.follow(now)
         if self.waiting.earliest < NEVER:
             rejections += self.waiting.take(now)
         self._request_maps(now)
@@ -214,10 +214,6 @@ class Monitor:
             if not isinstance(found, NoTransform):
                 del self.ingest.untransformed[name]
                 self.scene.sources[name].request_history()
-
-    def _follow(self, now: int) -> list[Rejection]:
-        """Place the outlines that have moved, once there is a clock."""
-        return self.outlines.follow(now) if now else []
 
     def _watch_clock(self, now: int) -> None:
         """
@@ -261,8 +257,7 @@ class Monitor:
         if not settings.enabled:
             return _NOTHING
         if name in self.outlines.names:
-            if number is not None:
-                self.scene.receive_number(name, number, now)
+            self.scene.receive_number(name, number, now)
             return self.outlines.receive(name, data, now) + self._take_moved(now)
         wait = None
         if name not in self.waiting:

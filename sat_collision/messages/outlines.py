@@ -99,7 +99,9 @@ class Outlines:
         return []
 
     def follow(self, now: int) -> list[Rejection]:
-        """Place the outlines that have moved."""
+        """Place the outlines that have moved, once there is a clock."""
+        if not now:
+            return []
         rejections = [rejection for one in self._outlines.values()
                       if (rejection := self._follow(one, now))]
         self._is_clock_new = False

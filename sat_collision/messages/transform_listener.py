@@ -113,10 +113,8 @@ class TransformListener:
         Stamp and present time are in ns. A stamp of 0 uses the newest transform, unless that is
         older than the timeout in s; 0.0 for any age.
         """
-        if stamp:
-            return self.frames.lookup_affine(self._target, frame_id, stamp)
-        oldest = now - timeout * 1e9 if timeout > 0.0 else -NEVER
-        return self.frames.newest_affine(self._target, frame_id, oldest, now)
+        oldest = now - timeout * 1e9 if timeout else -NEVER
+        return self.frames.lookup_affine(self._target, frame_id, stamp, oldest, now)
 
 
 def _ahead(child: str, stamp: int, now: int) -> str:

@@ -220,23 +220,31 @@ class Frames:
                 f'newest is past the timeout by {_seconds(oldest - time)}', True)
         return self.lookup(target, source, time)
 
-    def lookup_affine(self, target: str, source: str, stamp: int) -> Mapped | NoTransform:
-        """Return as `lookup` does the map from the plane of a frame to that of another."""
+    def lookup_affine(self, target: str, source: str, stamp: int, oldest: float = -NEVER,
+                      now: float = NEVER) -> Mapped | NoTransform:
+        """
+        Return the map from the plane of a frame to that of another.
+
+        At a time it is as `lookup` has it; for a stamp of 0 it is as `newest` has it.
+        """
         key = target, source, stamp
-        known = self._maps.get(key)
-        if known is None:
-            found = self._projected(self.lookup(target, source, stamp), target, source)
-            if isinstance(found, NoTransform):
-                return found
+        if (known := self._maps.get(key)) is not None:
+            return known
+        found = (self.lookup(target, source, stamp) if stamp
+                 else self.newest(target, source, oldest, now))
+        if isinstance(found, NoTransform):
+            return found
+        angle = tilt(found.pose)
+        if angle > self._max_tilt:
+            return NoTransform(
+                TILTED, f'{in_words(source)} is tilted by {math.degrees(angle):.1f} degrees in '
+                f'{in_words(target)}, more than {math.degrees(self._max_tilt):g}', False)
+        mapped = Mapped(affine_of(found.pose), found.at)
+        if stamp:
             if len(self._maps) >= _MAX_MAPS:
                 self._maps.clear()
-            self._maps[key] = known = found
-        return known
-
-    def newest_affine(self, target: str, source: str, oldest: float = -NEVER,
-                      now: float = NEVER) -> Mapped | NoTransform:
-        """Return as `newest` does the map from the plane of a frame to that of another."""
-        return self._projected(self.newest(target, source, oldest, now), target, source)
+            self._maps[key] = mapped
+        return mapped
 
     def is_carried(self, frame: str, other: str) -> bool:
         """Return whether one of two frames moves with the other, by their newest transforms."""
@@ -248,17 +256,6 @@ class Frames:
         names = {*self._climb(source, None)[0], *self._climb(target, None)[0]}
         return sorted({stamp for name in names & self._moving.keys()
                        for stamp in self._moving[name].stamps if after < stamp < until})
-
-    def _projected(self, found: Located | NoTransform, target: str,
-                   source: str) -> Mapped | NoTransform:
-        if isinstance(found, NoTransform):
-            return found
-        angle = tilt(found.pose)
-        if angle > self._max_tilt:
-            return NoTransform(
-                TILTED, f'{in_words(source)} is tilted by {math.degrees(angle):.1f} degrees in '
-                f'{in_words(target)}, more than {math.degrees(self._max_tilt):g}', False)
-        return Mapped(affine_of(found.pose), found.at)
 
     def _climb(self, frame: str, stamp: int | None,
                ends: Container[str] = ()) -> tuple[_Steps, str]:

@@ -157,8 +157,7 @@ class Scene(SceneView):
         footprint = self._footprints[name]
         if not footprint.settings.enabled:
             return None
-        if number is not None:
-            self.receive_number(name, number, now)
+        self.receive_number(name, number, now)
         if stamp > now and (problem := self._from_future(stamp)):
             self._invalidate(footprint, f'was refused: {problem}')
             self._evaluate()
@@ -306,17 +305,16 @@ class Scene(SceneView):
             stamp = None
         source = self.sources.get(name)
         if source is None:
-            if number is not None:
-                self.receive_number(name, number, now)
+            self.receive_number(name, number, now)
             self._invalidate(self._footprints[name], f'was refused: {reason}')
             self._evaluate()
         elif source.settings.enabled:
             source.receive(None, '', stamp, now, instance, number, reason)
             self._follow_up(source)
 
-    def receive_number(self, name: str, number: int, now: int) -> None:
+    def receive_number(self, name: str, number: int | None, now: int) -> None:
         footprint = self._footprints[name]
-        if footprint.stream.receive(number, now) is not CONTINUES:
+        if number is not None and footprint.stream.receive(number, now) is not CONTINUES:
             self.pass_time(now)
             if footprint.find_stream_faults(now):
                 self._contacts.changed.add(footprint)

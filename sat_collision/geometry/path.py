@@ -193,7 +193,7 @@ def first_row_met_on(set_array, indexed, body, count, poses, ways, skipped):
     everywhere = around = close = scratch_integers(0)
     total = some = few = 0
     if not indexed:
-        everywhere, total = rows_near(rows, indexed, _box(boxes, 0, segments), 0.0)
+        everywhere, total = rows_near(rows, indexed, _box(boxes, 0, segments))
         around = scratch_integers(total)
         close = scratch_integers(total)
     travelled = 0.0
@@ -201,7 +201,7 @@ def first_row_met_on(set_array, indexed, body, count, poses, ways, skipped):
         if segment % _CHUNK == 0:
             box = _box(boxes, segment, min(segment + _CHUNK, segments))
             if indexed:
-                around, some = rows_near(rows, indexed, box, 0.0)
+                around, some = rows_near(rows, indexed, box)
                 close = scratch_integers(some)
             else:
                 some = _those_in(rows, box, everywhere, total, skipped, around)

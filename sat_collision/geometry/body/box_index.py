@@ -15,10 +15,8 @@ column by column: min x, min y, max x, max y, and what each refers to, a row of 
 the place of another node. Entries that are not used have bounds that are nowhere.
 
 Leaves are tiles: the rows are sorted by x and cut into slabs, and each slab is sorted by y and cut
-into leaves. Every FANOUT nodes in this order make one of the next level.
-
-Rounding is monotonic, so a gap to the bounds of a node is never greater than that to the bounds
-of a row in it: the index finds the rows that the scan finds, exactly.
+into leaves. Every FANOUT nodes in this order make one of the next level. Bounds are only compared,
+so the index finds the very rows that the scan finds.
 """
 
 import math
@@ -55,8 +53,7 @@ def build_index(array: Any) -> int:
         places = np.append(places, places[:1].repeat(unused))
         for k, column in enumerate(columns):
             level[:, k] = column[places].reshape(count, FANOUT)
-        level[-1, :2, FANOUT - unused:] = math.inf
-        level[-1, 2:4, FANOUT - unused:] = -math.inf
+        level[-1, :4, FANOUT - unused:] = np.reshape(NOWHERE, (4, 1))
         places = np.arange(count)
         columns = [*level[:, :2].min(axis=2).T, *level[:, 2:4].max(axis=2).T,
                    -NODE * (end + places)]
@@ -89,28 +86,25 @@ def bounds_of_index(rows):
 
 
 @inner
-def rows_near(rows, indexed, box, limit):
+def rows_near(rows, indexed, box):
     """
-    Return the rows whose gap to a box, min x, min y, max x, max y, is at most a limit, ascending.
+    Return the rows whose bounds meet a box, min x, min y, max x, max y, ascending.
 
     They are the first elements of an array, which comes with their number. Rows without a body may
     be among them.
     """
     if indexed:
-        found, near = rows_indexed(rows, box, 0.0, 0.0, limit)
+        found, near = _search(rows, box)
         if near >= 0:
             return found, near
     found = scratch_integers(rows.used)
-    return found, _scan(rows, box, limit, found)
+    return found, _scan(rows, box, found)
 
 
 @inner
-def rows_indexed(rows, box, x, y, limit):
-    """Return the same by the index, for a box relative to x, y; the number is -1 if many are."""
+def _search(rows, box):
+    """Return the same by the index; the number is -1 if they are many."""
     found = scratch_integers(rows.used // _SHARE + _SHARE)
-    # Entries not used are not farther than infinity.
-    if limit == math.inf:
-        return found, -1
     waiting = scratch_integers(_STACK)
     waiting[0] = 0
     count = 1
@@ -122,49 +116,40 @@ def rows_indexed(rows, box, x, y, limit):
         if node[4 * FANOUT] < 0.0:
             for k in range(FANOUT):
                 waiting[count] = -int(node[4 * FANOUT + k])
-                count += _is_near(node, k, box, x, y, limit)
+                count += _meets(node, k, box)
         elif near + FANOUT > len(found):
             return found, -1
         else:
             for k in range(FANOUT):
                 found[near] = int(node[4 * FANOUT + k])
-                near += _is_near(node, k, box, x, y, limit)
+                near += _meets(node, k, box)
     sort(found, found, near)
     return found, near
 
 
 @inlined
-def _is_near(node, k, box, x, y, limit):
-    return ((node[k] - x - box[2] <= limit) & (box[0] - (node[2 * FANOUT + k] - x) <= limit)
-            & (node[FANOUT + k] - y - box[3] <= limit)
-            & (box[1] - (node[3 * FANOUT + k] - y) <= limit))
+def _meets(node, k, box):
+    return ((node[k] <= box[2]) & (node[2 * FANOUT + k] >= box[0])
+            & (node[FANOUT + k] <= box[3]) & (node[3 * FANOUT + k] >= box[1]))
 
 
 if COMPILED:
     @inner
-    def _scan(rows, box, limit, found):
-        """Write the rows whose gap to a box is at most a limit, ascending; return how many."""
+    def _scan(rows, box, found):
+        """Write the rows by comparing all; return how many."""
         found = elements(found)
         min_x, min_y, max_x, max_y = box[0], box[1], box[2], box[3]
         near = 0
-        if limit == 0.0:
-            # The same, but faster.
-            for row in range(rows.used):
-                found[near] = row
-                near += ((rows.min_x[row] <= max_x) & (rows.max_x[row] >= min_x)
-                         & (rows.min_y[row] <= max_y) & (rows.max_y[row] >= min_y))
-            return near
         for row in range(rows.used):
             found[near] = row
-            near += ((rows.min_x[row] - max_x <= limit) & (min_x - rows.max_x[row] <= limit)
-                     & (rows.min_y[row] - max_y <= limit) & (min_y - rows.max_y[row] <= limit))
+            near += ((rows.min_x[row] <= max_x) & (rows.max_x[row] >= min_x)
+                     & (rows.min_y[row] <= max_y) & (rows.max_y[row] >= min_y))
         return near
 else:
-    def _scan(rows, box, limit, found):
+    def _scan(rows, box, found):
         min_x, min_y, max_x, max_y = (np.asarray(column)[:rows.used] for column in rows[:4])
-        with np.errstate(over='ignore'):
-            near = np.flatnonzero((min_x - box[2] <= limit) & (box[0] - max_x <= limit)
-                                  & (min_y - box[3] <= limit) & (box[1] - max_y <= limit))
+        near = np.flatnonzero((min_x <= box[2]) & (max_x >= box[0])
+                              & (min_y <= box[3]) & (max_y >= box[1]))
         np.asarray(found)[:len(near)] = near
         return len(near)
 

@@ -31,7 +31,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sat_collision.geometry.body.box_index import bounds_of_index, rows_indexed
+from sat_collision.geometry.body.box_index import bounds_of_index, rows_near
 from sat_collision.geometry.body.layout import body_of, packed_polygon, rows_of
 from sat_collision.geometry.body.moving import MovingBody, parts_about
 from sat_collision.geometry.compiled.floating_point import require_nearest
@@ -40,7 +40,8 @@ from sat_collision.geometry.compiled.jit import (
 from sat_collision.geometry.motion.sweep import as_double, first_contact_of_moving, limits
 from sat_collision.geometry.numeric.ascending import contains
 from sat_collision.geometry.numeric.predicates import UNDERFLOW_BOUND
-from sat_collision.geometry.numeric.vectors import bounds_of, joined, length, NOWHERE, unit
+from sat_collision.geometry.numeric.vectors import (
+    bounds_of, grown, joined, length, NOWHERE, unit)
 
 # Max angle by which a body turns in a piece, rad, unless that takes too many pieces.
 _TURN = 0.1
@@ -176,8 +177,8 @@ def first_row_met(set_array, indexed, body, count, motion, ways, skipped):
     path = path_of(parts_about(packed_polygon(body, count), motion.x, motion.y, 1.0), motion)
     listed = -1
     if indexed:
-        candidates, listed = _rows_near_path(path, rows)
-    if listed < 0:
+        candidates, listed = rows_near(rows, indexed, _surroundings(path, rows))
+    else:
         candidates = scratch_integers(rows.used)
     near = 0
     for k in range(rows.used if listed < 0 else listed):
@@ -190,14 +191,16 @@ def first_row_met(set_array, indexed, body, count, motion, ways, skipped):
 
 
 @inner
-def _rows_near_path(path, rows):
-    """Return `rows_indexed` of the rows that `_may_meet` the path, and maybe others."""
+def _surroundings(path, rows):
+    """Return a box that meets those of all rows of an indexed set that `_may_meet` the path."""
     motion = path.motion
     reach = _extent(path, *bounds_of_index(rows)) + motion.margin
-    limit = motion.margin + (_ROUNDING * (path.reach + reach) + UNDERFLOW_BOUND)
+    # Twice the rounding that `_may_meet` allows for, as this rounds otherwise.
+    margin = motion.margin + (2.0 * _ROUNDING * (path.reach + reach) + UNDERFLOW_BOUND)
     # The box after those of the pieces is that of the whole path.
     box = beyond(elements(path.boxes), 4 * path.pieces)
-    return rows_indexed(rows, box, motion.x, motion.y, limit)
+    return grown((box[0] + motion.x, box[1] + motion.y, box[2] + motion.x, box[3] + motion.y),
+                 margin)
 
 
 @inner

@@ -18,6 +18,9 @@ _LARGE = 2.0 ** 300
 _SMALL = 2.0 ** -300
 _MAX_SHIFT = 1000
 
+# Exceeds what rounding takes from a gap between boxes and from a grown box, relative to both.
+_ROUNDING = 2.0 ** -50
+_LARGEST = 1.7976931348623157e308
 # The box, min x, min y, max x, max y, of no points.
 NOWHERE = math.inf, math.inf, -math.inf, -math.inf
 
@@ -108,6 +111,19 @@ def bounds_of(points, count):
 def joined(box, min_x, min_y, max_x, max_y):
     """Return the box of two boxes."""
     return min(box[0], min_x), min(box[1], min_y), max(box[2], max_x), max(box[3], max_y)
+
+
+@inner
+def grown(box, margin):
+    """
+    Return a finite box that meets all boxes whose gap to a box, as computed, is at most a margin.
+
+    The margin may be infinite, and if it is negative that is how far boxes overlap at least.
+    """
+    largest = max(max(abs(box[0]), abs(box[1])), max(abs(box[2]), abs(box[3])))
+    more = margin + _ROUNDING * (abs(margin) + largest)
+    return (max(box[0] - more, -_LARGEST), max(box[1] - more, -_LARGEST),
+            min(box[2] + more, _LARGEST), min(box[3] + more, _LARGEST))
 
 
 @kernel

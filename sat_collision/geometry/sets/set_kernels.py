@@ -29,6 +29,7 @@ from sat_collision.geometry.compiled.floating_point import require_nearest
 from sat_collision.geometry.compiled.jit import (
     elements, inlined, inner, kernel, prefetch, scratch, scratch_integers)
 from sat_collision.geometry.numeric.ascending import contains
+from sat_collision.geometry.numeric.vectors import grown
 from sat_collision.geometry.pair.distance import measure
 from sat_collision.geometry.pair.intersection import bodies_meet, filtered_verdict, meet_near
 from sat_collision.geometry.pair.separating_axis import (
@@ -105,7 +106,7 @@ def intersecting_rows(set_array, indexed, body, count):
     require_nearest(count)
     rows = rows_of(set_array)
     body = packed_polygon(body, count)
-    found, near = rows_near(rows, indexed, bounds_in(body), 0.0)
+    found, near = rows_near(rows, indexed, bounds_in(body))
     hits = 0
     for k in range(near):
         row = found[k]
@@ -151,7 +152,7 @@ def near_rows(set_array, indexed, body, count, margin, skipped):
             return nearest, 0.0, 0.0, 0.0, 0.0, 0.0, None
         least, points = measure(body_of(rows, nearest), body)
     first = nearest
-    found, near = rows_near(rows, indexed, box, least)
+    found, near = rows_near(rows, indexed, grown(box, least))
     hits = 0
     for k in range(near):
         row = found[k]

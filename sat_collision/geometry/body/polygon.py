@@ -22,8 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from sat_collision.geometry.body.convex_parts import convex_parts
 from sat_collision.geometry.body.layout import BOUNDS, HEADER, packed_size
 from sat_collision.geometry.body.packing import (
-    CONVEX, moved_points, NON_CONVEX, NOT_FINITE, pack, pack_convex, PAIR, SPIKE, TOO_MANY, TRIPLE,
-    WORD)
+    CONVEX, moved_points, NON_CONVEX, NOT_FINITE, pack, pack_convex, SPIKE, TOO_MANY, TRIPLE, WORD)
 from sat_collision.geometry.compiled.jit import COMPILED, indexable, KERNEL
 from sat_collision.geometry.numeric.vectors import centroid
 
@@ -190,8 +189,7 @@ class Polygon:
         if points[2] == 0:
             raise _empty()
         polygon = cls.__new__(cls)
-        polygon._pack(np.asarray(moved_points(*points, affine)).reshape(-1, 2), max_vertices,
-                      max_non_convex)
+        polygon._pack(vertices_of(points, affine), max_vertices, max_non_convex)
         return polygon
 
     @classmethod
@@ -319,15 +317,7 @@ class Packer:
 
 def vertices_of(points: Points, affine: Affine2D | None = None) -> NDArray[np.float64]:
     """Return points in the order sent as (n, 2) array, moved by an affine map if given."""
-    data, start, count, step = points
-    received = np.frombuffer(data, np.float64 if step == PAIR else np.float32, step * count,
-                             start).reshape(-1, step)
-    vertices = received[:, :2].astype(np.float64)
-    if affine is None:
-        return vertices
-    a, b, x, c, d, y = affine
-    moved: NDArray[np.float64] = vertices @ np.array([(a, c), (b, d)]) + (x, y)
-    return moved
+    return np.asarray(moved_points(*points, affine or UNMOVED)).reshape(-1, 2)
 
 
 def _decompose(outline: NDArray[np.float64]) -> list[Polygon]:

@@ -11,8 +11,7 @@
 Memory layout of packed polygons, and of sets of them: flat arrays of doubles that kernels read.
 
 Every packed polygon begins with a header: two numbers whose meaning depends on the kind; the
-bounds (min x, min y, max x, max y); the radius of a disc inside the polygon; and a fingerprint,
-the same number for equal polygons and seldom for others.
+bounds (min x, min y, max x, max y); and the radius of a disc inside the polygon.
 
 The count of a *convex* polygon is its number of vertices. Its header begins with the centre of the
 disc, a point of the polygon: the centroid if that is certain to lie inside. Then follow, if there
@@ -38,9 +37,8 @@ import numpy as np
 from numpy.typing import NDArray
 from sat_collision.geometry.compiled.jit import beyond, elements, inlined, integers, kernel
 
-HEADER = 8
+HEADER = 7
 BOUNDS = slice(2, 6)
-FINGERPRINT = 7
 SCAN_LIMIT = 16
 LARGEST_TABLE = 128
 ENTRY_BITS = 13

@@ -14,7 +14,7 @@ All decisions are exact: they compare coordinates or take the sign of `predicate
 """
 
 from sat_collision.geometry.body.layout import (
-    ENTRY_BITS, entry_step, FINGERPRINT, HEADER, table_place, table_size)
+    ENTRY_BITS, entry_step, HEADER, table_place, table_size)
 from sat_collision.geometry.compiled.floating_point import require_nearest
 from sat_collision.geometry.compiled.jit import (
     inlined, inner, kernel, numbers_of, scratch, scratch_integers)
@@ -51,33 +51,19 @@ _INFINITY = float('inf')
 @kernel
 def pack(points, packed, max_vertices, max_non_convex):
     """
-    Pack a polygon given by received points, see `layout`.
+    Pack a polygon given by received points x, y, ..., see `layout`; one point at least.
 
-    Parameters
-    ----------
-    points : (2 n,) flat array of float64, n >= 1
-        x, y of each point as received.
-    packed : flat array of float64
-        Receives the polygon; of `packed_size(n)` at least.
-    max_vertices, max_non_convex : int
-        The most vertices accepted of a convex and of a non-convex polygon; larger ones are not
-        examined any further.
+    A convex polygon of more than `max_vertices`, or another of more than `max_non_convex`, is not
+    examined any further. The packed array has room for as many vertices as there are points.
 
-    Returns
-    -------
-    verdict : int
-        CONVEX or NON_CONVEX (the points are valid), or NOT_FINITE, SPIKE, CROSSING or TOO_MANY.
-        If they are not, the array has the vertices in the ring's order from its start on; for a
-        non-convex polygon only its bounds, fingerprint and vertices are valid.
-    count : int
-        Vertices in the ring.
-    i, j : int
-        NOT_FINITE: i is the index of the received point. SPIKE: i is the vertex of the ring at
-        which the boundary folds back on itself. CROSSING: the edges that start at vertices i and
-        j of the ring share a point.
-    first : int
-        The index at which the vertices start in the array.
+    Returned are the verdict, CONVEX or NON_CONVEX if the points are valid; the number of vertices
+    in the ring; two indices that explain other verdicts; and the index at which the vertices start
+    in the array, 0 if the points are not valid. Of a non-convex polygon only bounds and vertices
+    are written.
 
+    NOT_FINITE: the first index is that of the received point. SPIKE: it is that of the vertex of
+    the ring at which the boundary folds back on itself. CROSSING: the edges that start at both
+    indices of the ring share a point.
     """
     require_nearest(len(points))
     return write_packed(points, len(points) // 2, scratch(len(points)), scratch(len(points)),
@@ -107,11 +93,6 @@ def write_packed(points, received, ring, walk, packed, max_vertices, max_non_con
         if verdict == CONVEX:
             _write_inner_disc(ring, count, packed)
             _write_table(ring, count, packed)
-        packed[FINGERPRINT] = _fingerprint(packed)
-        if verdict == NON_CONVEX:
-            # Many non-convex bodies have the same bounds and first vertex.
-            for k in range(2 * count):
-                packed[FINGERPRINT] = 0.7 * packed[FINGERPRINT] + 0.2 * ring[k]
     for k in range(2 * count):
         packed[first + k] = ring[k]
     return verdict, count, i, j, first
@@ -155,13 +136,6 @@ def move(values, first, step, received, affine, points):
         y = values[first + step * i + 1]
         points[2 * i] = a * x + b * y + c
         points[2 * i + 1] = d * x + e * y + f
-
-
-@inner
-def _fingerprint(packed):
-    """Return a weighted sum; the weights add up to less than 1, so it is finite."""
-    return (0.04 * packed[0] + 0.11 * packed[1] + 0.03 * packed[2] + 0.07 * packed[3]
-            + 0.19 * packed[4] + 0.43 * packed[5] + 0.01 * packed[6])
 
 
 @inner

@@ -28,8 +28,8 @@ import math
 import numpy as np
 
 from sat_collision.geometry.body.layout import (
-    body_size, convex_part, FINGERPRINT, first_vertex, HEADER, Packed, packed_polygon,
-    packed_size, vertex_after)
+    body_size, convex_part, first_vertex, HEADER, Packed, packed_polygon, packed_size,
+    vertex_after)
 from sat_collision.geometry.compiled.floating_point import require_nearest
 from sat_collision.geometry.compiled.jit import COMPILED, elements, inner, kernel, scratch
 from sat_collision.geometry.numeric.vectors import length, scale_to_one
@@ -178,7 +178,7 @@ def _scaled(p, scale, array):
     """Return a convex polygon multiplied by a power of two; coordinates that underflow round."""
     for k in range(len(array)):
         array[k] = p.array[p.start + k]
-    for k in range(FINGERPRINT):
+    for k in range(HEADER):
         array[k] *= scale
     for k in range(len(array) - 2 * p.n, len(array)):
         array[k] *= scale

@@ -43,25 +43,12 @@ def write_run(run, set_array, rows, row, limit, others, margin):
     Write the polygons of a run into rows, as long as each is ordinary and not near another body.
 
     A polygon is ordinary if it is convex and its row has room for it; in a message of its own, if
-    the bytes before the number of its points are those of the first one, too.
+    the bytes before the number of its points are those of the first one, too. It is near if its
+    bounds are no further than the margin from those of a body in the set `others`.
 
-    Parameters
-    ----------
-    run : Run
-    set_array, others : flat array of float64
-        The set, and the one that the polygons must not be near to.
-    rows : array of int64
-        The row of each polygon, -1 for none.
-    row, limit : int
-        The index in rows for the first polygon to write, and how many may be written.
-    margin : float
-        Bounds no further apart than this are near, metres.
-
-    Returns
-    -------
-    int
-        How many were written: all before the first that is not ordinary, has no row, or is near.
-
+    `rows` has the row of each polygon, -1 for none, from the index `row` on. Returned is how many
+    were written, at most the limit: all before the first that is not ordinary, near or without a
+    row.
     """
     data, ends, first, count_at, affine, max_vertices, packed = run
     require_nearest(count_at)
@@ -112,22 +99,11 @@ def write_run(run, set_array, rows, row, limit, others, margin):
 @kernel
 def find_polygons(data, at, spans):
     """
-    Find the polygons of a message that has them all.
+    Find the polygons of a message that has them all, given its bytes from where alignment counts.
 
-    Parameters
-    ----------
-    data : bytes
-        The message, from where alignment counts.
-    at : int
-        The offset of the number of points of the first polygon, a multiple of 4.
-    spans : (2 n,) flat array of int64
-        Receives the offset and the number of the points of each polygon.
-
-    Returns
-    -------
-    int
-        Where the last polygon ends; -1 - k if polygon k would end beyond the message.
-
+    The number of points of the first one is at an offset that is a multiple of 4. The offset and
+    the number of the points of each are written into spans. Returned is where the last one ends,
+    or -1 - k if polygon k would end beyond the message.
     """
     words, _, _ = numbers_of(data)
     size = len(data)

@@ -167,10 +167,12 @@ def bounds_in(p):
 
 @inlined
 def outline_of(p):
-    """Return the indices at which the outline of a packed polygon begins and ends."""
+    """Return the outline of a packed polygon as if it were one, of which only vertices count."""
     if p.n > 0:
-        return first_vertex(p), first_vertex(p) + 2 * p.n
-    return p.start + int(p.array[p.start]), p.start + int(p.array[p.start + 1])
+        return p
+    first = p.start + int(p.array[p.start])
+    count = (p.start + int(p.array[p.start + 1]) - first) // 2
+    return Packed(p.array, first - HEADER - table_size(count), count)
 
 
 class Rows(NamedTuple):

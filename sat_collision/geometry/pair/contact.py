@@ -30,7 +30,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from sat_collision.geometry.body.layout import (
-    convex_part, first_vertex, outline_of, packed_polygon, vertex_after)
+    convex_part, first_vertex, outline_of, packed_polygon, vertex_after, vertex_before)
 from sat_collision.geometry.body.polygon import as_polygon, BodyLike
 from sat_collision.geometry.compiled.floating_point import require_nearest
 from sat_collision.geometry.compiled.jit import inlined, inner, kernel, scratch
@@ -150,15 +150,18 @@ def _contact(p, q):
     """Return the contact of two bodies in this order."""
     least, found, pair = measure_parts(p, q)
     depth = -least if least < 0.0 else 0.0
-    nx = -found[4]
-    ny = -found[5]
+    x, y, qx, qy, ux, uy = found
+    nx = -ux
+    ny = -uy
     convex = p.n > 0 and q.n > 0
     if least == 0.0 and not convex and not (_is_on_cut(p, q) or _is_on_cut(q, p)):
         nx, ny, count, pairs = _touch(p, q)
         return least, depth, nx, ny, count, pairs
     parts = max(1, -q.n)
-    count, pairs = _points_of_contact(convex_part(p, pair // parts), convex_part(q, pair % parts),
-                                      found)
+    a = convex_part(p, pair // parts)
+    b = convex_part(q, pair % parts)
+    count, pairs = _clipped(a.array, _level_edge(a, ux, uy), b.array, _level_edge(b, -ux, -uy),
+                            (x, y, qx, qy), ux, uy)
     if least <= 0.0 and not convex:
         out, nx, ny = way_out(p, q)
         depth = max(out, max(depth, _LEAST))
@@ -221,15 +224,15 @@ def _rises(ax, ay, bx, by):
 @inner
 def _touch(p, q):
     """
-    Return the normal, and the points as in `_points_of_contact`, of bodies that only touch.
+    Return the normal, and the points as `_clipped` does, of bodies that only touch.
 
     The normal is that of a side on which a vertex of the other body is, with its neighbours on
     the line or beyond. Of several it is one that is least against the others.
     """
-    first, end = outline_of(p)
-    begin, stop = outline_of(q)
+    p = outline_of(p)
+    q = outline_of(q)
     # At most two sides of a body are at a vertex of the other.
-    sides = scratch(5 * (end - first + stop - begin))
+    sides = scratch(10 * (p.n + q.n))
     split = _write_touched(q, p, 1.0, sides, 0)
     count = _write_touched(p, q, -1.0, sides, split)
     best = -math.inf
@@ -246,10 +249,10 @@ def _touch(p, q):
     a, b, k = int(sides[chosen + 2]), int(sides[chosen + 3]), int(sides[chosen + 4])
     v, w = p.array, q.array
     if chosen < split:
-        other = _level_edge(v, _before(first, end, k), k, _after(first, end, k), -nx, -ny)
+        other = _level_edge_at(p, k, -nx, -ny)
         count, pairs = _clipped(v, other, w, (a, b), (v[k], v[k + 1], v[k], v[k + 1]), -nx, -ny)
     else:
-        other = _level_edge(w, _before(begin, stop, k), k, _after(begin, stop, k), nx, ny)
+        other = _level_edge_at(q, k, nx, ny)
         count, pairs = _clipped(v, (a, b), w, other, (w[k], w[k + 1], w[k], w[k + 1]), -nx, -ny)
     return nx, ny, count, pairs
 
@@ -257,23 +260,23 @@ def _touch(p, q):
 @inner
 def _write_touched(p, q, sign, sides, place):
     """
-    Write the sides of P that have a vertex of Q on them, and no neighbour of it behind them.
+    Write the sides of an outline P that have a vertex of Q on them, and no neighbour behind them.
 
     Each is the outward normal times a sign, and the indices of the side's ends and the vertex.
     Return where they end.
     """
     v = p.array
     w = q.array
-    first, end = outline_of(p)
-    begin, stop = outline_of(q)
-    for a in range(first, end if end > first + 2 else first, 2):
-        b = _after(first, end, a)
+    first = first_vertex(p)
+    other_first = first_vertex(q)
+    for a in range(first, first + 2 * p.n if p.n > 1 else first, 2):
+        b = vertex_after(p, a)
         ax, ay, bx, by = v[a], v[a + 1], v[b], v[b + 1]
-        for k in range(begin, stop, 2):
+        for k in range(other_first, other_first + 2 * q.n, 2):
             if (min(ax, bx) <= w[k] <= max(ax, bx) and min(ay, by) <= w[k + 1] <= max(ay, by)
                     and orient(ax, ay, bx, by, w[k], w[k + 1]) == 0):
-                i = _before(begin, stop, k)
-                j = _after(begin, stop, k)
+                i = vertex_before(q, k)
+                j = vertex_after(q, k)
                 # At a reflex vertex the body reaches behind the line between its neighbours.
                 if (orient(w[i], w[i + 1], w[k], w[k + 1], w[j], w[j + 1]) >= 0
                         and orient(ax, ay, bx, by, w[i], w[i + 1]) <= 0
@@ -288,34 +291,14 @@ def _write_touched(p, q, sign, sides, place):
     return place
 
 
-@inlined
-def _after(first, end, k):
-    """Return the index of the vertex after that at k, of vertices between two indices."""
-    return k + 2 if k + 2 < end else first
-
-
-@inlined
-def _before(first, end, k):
-    """Return the index of the vertex before that at k, of vertices between two indices."""
-    return k - 2 if k > first else end - 2
-
-
-@inner
-def _points_of_contact(p, q, found):
-    """
-    Return the number of points of contact of two convex polygons, and two (the same if it is 1).
-
-    They are the ends of the stretch where an edge of each faces the other, if both edges are
-    perpendicular to the normal to within `FACING`, else the closest points.
-    """
-    x, y, qx, qy, ux, uy = found
-    return _clipped(p.array, _level_edge_of(p, ux, uy), q.array, _level_edge_of(q, -ux, -uy),
-                    (x, y, qx, qy), ux, uy)
-
-
 @inner
 def _clipped(v, edge, w, other_edge, closest, ux, uy):
-    """Return the same, given the closest points and two edges that face each other, if any."""
+    """
+    Return the number of points of contact of two bodies, and two (the same if it is 1).
+
+    They are the ends of the stretch where an edge of each faces the other, if both have such an
+    edge, see `_level_edge`, else the closest points.
+    """
     x, y, _, _ = closest
     a, b = edge
     c, d = other_edge
@@ -341,7 +324,7 @@ def _clipped(v, edge, w, other_edge, closest, ux, uy):
 
 
 @inner
-def _level_edge_of(p, ux, uy):
+def _level_edge(p, ux, uy):
     """Return start and end of the edge of P that faces u best; -1, -1 if none does to FACING."""
     first = first_vertex(p)
     least = FACING
@@ -357,13 +340,15 @@ def _level_edge_of(p, ux, uy):
 
 
 @inner
-def _level_edge(v, i, j, k, ux, uy):
-    """Return the same of two edges, from the vertex at i to that at j, and on to that at k."""
-    slant = _slant(v, i, j, ux, uy)
-    other = _slant(v, j, k, ux, uy)
+def _level_edge_at(p, k, ux, uy):
+    """Return the same of the two edges at a vertex."""
+    before = vertex_before(p, k)
+    after = vertex_after(p, k)
+    slant = _slant(p.array, before, k, ux, uy)
+    other = _slant(p.array, k, after, ux, uy)
     if min(slant, other) > FACING:
         return -1, -1
-    return (i, j) if slant <= other else (j, k)
+    return (before, k) if slant <= other else (k, after)
 
 
 @inner

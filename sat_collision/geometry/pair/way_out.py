@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sat_collision.geometry.body.layout import convex_part, outline_of
+from sat_collision.geometry.body.layout import convex_part, first_vertex, outline_of
 from sat_collision.geometry.body.moving import Part, parts_about, write_relative
 from sat_collision.geometry.compiled.jit import elements, inlined, inner, scratch, scratch_integers
 from sat_collision.geometry.numeric.vectors import scale_to_one, unit
@@ -116,9 +116,10 @@ def way_out(p, q):
 @inner
 def _outline(p, x, y, scale):
     """Return the vertices of a body relative to x, y, times a power of two."""
-    first, end = outline_of(p)
-    array = scratch(end - first)
-    write_relative(Part(p.array, first, end), x, y, scale, array, 0)
+    outline = outline_of(p)
+    first = first_vertex(outline)
+    array = scratch(2 * outline.n)
+    write_relative(Part(p.array, first, first + 2 * outline.n), x, y, scale, array, 0)
     return array
 
 

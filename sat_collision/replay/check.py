@@ -233,7 +233,7 @@ class _Check:
         if not by_header:
             self._begin(start)
             now = start
-        plans = monitor.paths.names
+        plans = self._plans.names
         # A rejected footprint has no pose until the next one, so each message counts; so do plans.
         single = {one.name for one in self._settings.footprints} | plans
         # By topic, the source whose messages may be received several at once, and its timeout.

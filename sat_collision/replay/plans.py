@@ -42,7 +42,8 @@ class Plans:
         self._keeps_ways = keeps_ways
         self._timeout = round(settings.transform_timeout * 1e9)
         self._planners = {path.name: _Planner(one, path, result) for one, result in zip(
-            settings.footprints, footprints) if (path := one.path_settings)}
+            settings.footprints, footprints) if one.enabled and (path := one.path_settings)}
+        self.names = frozenset(self._planners)
         # By their names the plans that count; those that wait for a transform, and why.
         self._current: dict[str, _Plan] = {}
         self._waiting: list[tuple[_Plan, PathCheck]] = []

@@ -245,6 +245,18 @@ def test_gate(tmp_path, capsys, plans, verdict):
     assert bool(case.findall('failure')) is bool(verdict)
 
 
+def test_plans_of_a_disabled_footprint_do_not_count(run):
+    """Another one has free plans on the same topic."""
+    parameters = {**PARAMETERS, 'footprints': ['footprint', 'small'],
+                  'small.points': [-0.1, -0.1, 0.1, -0.1, 0.1, 0.1], 'small.path': '/plan',
+                  'small.frame_id': 'base', 'footprint.enabled': False}
+    beside = [(x, 0.7, 0.0) for x in (0.0, 2.0, 8.0)]
+    result = run(drive(plan(1.05, beside), losses(1.5, plan=(0, 0))), parameters=parameters,
+                 fail_on='plan')
+    assert [one.plans for one in result.footprints] == [None, 1]
+    assert (result.plan_contacts, result.verdict) == ([], Verdict.CLEAR)
+
+
 @pytest.mark.parametrize('parameters', [
     {'footprints': '[footprint]'},
     {**PARAMETERS, 'footprints': '[footprint, other]', 'footprint.enabled': 'false'}],

@@ -17,7 +17,7 @@ of the whole path, of chunks of segments and of segments leave out what is far a
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 import math
 from typing import NamedTuple
 
@@ -128,9 +128,10 @@ def first_contact_along(body: BodyLike, poses: ArrayLike,
 
 
 def first_of_rows(polygon: Polygon, path: NDArray[np.float64], bodies: PolygonSet, margin: float,
-                  skipped: Collection[int]) -> PathContact | None:
+                  skipped: Iterable[int]) -> PathContact | None:
     """Return what `first_contact_along` does, for valid poses, leaving out some rows."""
     array, indexed = bodies._snapshot()
+    skipped = set(skipped)
     placed = _placed(polygon, path[0])
     for row in rows_within(array, indexed, placed, margin).tolist():
         if row not in skipped:

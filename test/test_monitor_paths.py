@@ -208,6 +208,21 @@ def test_reversing_and_turns_on_the_spot():
     assert (world.status(), world.check().metres) == ('clear', math.inf)
 
 
+def test_there_and_back_with_few_poses():
+    """What lies before the robot on the way out counts, though the way back is as near."""
+    world = at_start(AHEAD, x=1.0)
+    there = [(0.0, 0.0, 1e-9), (9.0, 0.0, 1e-9), (0.0, 0.0, 1e-9)]
+    assert world.plan(there).metres == pytest.approx(3.5, abs=1e-6)
+    world.move(0.1, 2.0)
+    assert world.check().metres == pytest.approx(2.5, abs=1e-6)
+
+
+def test_robot_within_a_turn_on_the_spot():
+    world = at_start(x=5.0, yaw=0.6)
+    world.plan([(0.0, 0.0, 0.1), (5.0, 0.0, 0.1), (5.0, 0.0, 1.1), (9.0, 4.0, 1.1)])
+    assert world.monitor.paths.latest('robot.path').path.progress == pytest.approx(1.5)
+
+
 def test_orientations_of_identity_are_replaced_by_the_direction_of_travel():
     """A long robot goes round a corner between posts that it would hit if it did not turn."""
     corner = [(x, 0.0) for x in np.linspace(0.0, 3.0, 31)] + [
@@ -266,6 +281,9 @@ def test_refused_paths(poses, more, reason):
     ([(-4, 0), (0, 0), (16, 0), (20, 0)], [(-0.4, 0), (12, 0)], 1.75),
     # It comes back, nearer than on its way out.
     ([(0, 0), (16, 0), (17, 0), (17, 0.2), (16, 0.2), (4, 0.2)], [(4, 0.15)], 0.25),
+    # It comes back the same way, all of which is still ahead.
+    ([(0, 0), (10, 0), (0, 0)], [(2, 0), (5, 0)], 0.5),
+    ([(0, 0), (10, 0), (0, 0)], [(2, 0), (10, 0), (8, 0)], 1.2),
     # The robot has gone back, so the end of the path is nearer than what is ahead of it.
     ([(0, 0), (10, 0), (10, 3), (3, 3), (2.5, 3)], [(9, 0), (0, 0)], 4.0)])
 def test_progress_is_where_the_path_is_nearest(places, robot, progress):

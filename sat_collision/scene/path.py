@@ -22,6 +22,9 @@ from sat_collision.scene.footprints import Footprint
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.velocity import Pose
 
+# Shares of the reach that are taken for rounding.
+_SLACK = 1e-6
+
 
 class PathCheck(NamedTuple):
     """Where a path first meets an obstacle, ahead of the robot."""
@@ -88,18 +91,19 @@ class FollowedPath:
         away = np.hypot(*(self.poses[first:, :2] - pose[:2]).T)
         lengths = np.hypot(*np.diff(self.poses[first:, :2], axis=0).T)
         near = np.flatnonzero(away[:-1] - lengths <= away[1:].min() + (math.pi + 1.0) * reach)
-        starts = self.poses[first + near]
-        steps = _steps(starts, self.poses[first + near + 1])
+        starts, ends = self.poses[first + near], self.poses[first + near + 1]
+        steps = _steps(starts, ends)
         off = pose - starts
         off[:, 2] = _wrapped(off[:, 2])
         along = _nearest_shares(steps, off)
         if near[0] == 0:
             along[0] = max(along[0], self.progress - first)
-        off -= _moved(steps, along)
-        gaps = np.hypot(off[:, 0], off[:, 1]) + reach * abs(_wrapped(off[:, 2]))
+        gaps = _gaps(off - _moved(steps, along), reach)
         k = int(np.argmax(gaps <= gaps.min() + reach))
-        nears = (np.diff(near[k:]) == 1) & (np.diff(gaps[k:]) <= 0.0)
-        k += int(np.argmin(np.append(nears, False)))
+        # On to the next segment where neither it nor the pose between them is farther.
+        goes_on = ((np.diff(near[k:]) == 1) & (np.diff(gaps[k:]) <= 0.0)
+                   & (_gaps(pose - ends[k:-1], reach) <= gaps[k:-1] + _SLACK * reach))
+        k += int(np.argmin(np.append(goes_on, False)))
         self.progress = first + int(near[k]) + float(along[k])
 
     def ahead(self) -> NDArray[np.float64]:
@@ -170,6 +174,12 @@ def _moved(steps: NDArray[np.float64], shares: NDArray[np.float64] | float
     c, s = lengths * np.cos(angles), lengths * np.sin(angles)
     dx, dy, turns = steps.T
     return np.column_stack([c * dx - s * dy, s * dx + c * dy, turns * shares])
+
+
+def _gaps(off: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
+    """Return how far places off by x, y and an angle are, where that counts at `reach` (m)."""
+    gaps: NDArray[np.float64] = np.hypot(off[:, 0], off[:, 1]) + reach * abs(_wrapped(off[:, 2]))
+    return gaps
 
 
 def _wrapped(angles: NDArray[np.float64]) -> NDArray[np.float64]:

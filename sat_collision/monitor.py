@@ -72,13 +72,11 @@ class Monitor:
         self.commands = Commands(settings, self.ingest, self.scene)
         self.paths = Paths(self.ingest, self.scene, self.transforms, self.outlines)
         self.waiting = WaitingItems(settings, self.ingest, self.scene)
-        self._tolerance = round(settings.future_tolerance * 1e9)
         self._now = 0
 
     def update(self, settings: Settings) -> list[Rejection]:
         """Apply changed settings, with the same names, topics and types."""
         self.waiting.configure(settings)
-        self._tolerance = round(settings.future_tolerance * 1e9)
         self.transforms.configure(settings)
         self.outlines.configure(settings)
         self.scene.update(settings)
@@ -113,7 +111,7 @@ class Monitor:
         if name in self.paths.names:
             self.paths.receive(name, messages[-1])
             return _NOTHING
-        self._watch_clock(now)
+        self._pass_time(now)
         rejections: Sequence[Rejection] = _NOTHING
         batch = Batch(messages, number) if name in self.ingest.headers else None
         taken = 0
@@ -135,7 +133,7 @@ class Monitor:
         one came none may be too old, and nothing may be due. While a source has faults none is
         taken, because the words of these may change with each message.
         """
-        self._watch_clock(now)
+        self._pass_time(now)
         taken = 0 if name in self.waiting or self.scene.source_faults else (
             self.ingest.take_run(name, batch, begin, now))
         self.received[name] += taken
@@ -180,12 +178,12 @@ class Monitor:
     def receive_transforms(self, topic: str, data: bytes, now: int,
                            number: int | None = None) -> list[Rejection]:
         """Receive a message of /tf or /tf_static, and take the messages that waited for it."""
-        self._watch_clock(now)
+        self._pass_time(now)
         return self.transforms.receive(topic, data, now, number) + self._take_moved(now)
 
     def advance(self, now: int) -> list[Rejection]:
         """Let time pass, see `Scene.pass_time`, and refuse messages that waited too long."""
-        self._watch_clock(now)
+        self._pass_time(now)
         rejections = self.outlines.follow(now) if self.outlines.deadline < now else []
         if self.waiting.earliest < now:
             rejections += self.waiting.take(now)
@@ -215,19 +213,24 @@ class Monitor:
                 del self.ingest.untransformed[name]
                 self.scene.sources[name].request_history()
 
-    def _watch_clock(self, now: int) -> None:
+    def _pass_time(self, now: int) -> None:
         """
-        Drop transforms, waiting messages and places of outlines if the clock was set back.
+        Let time pass; if the clock was set back, drop what is known by the times of before.
 
         When it starts, drop transforms of another clock: they would shut out those that follow.
         """
-        if now < self._now - self._tolerance:
-            self._forget_times(now)
-        elif now < self._now:
-            self.outlines.limit_times(now)
-        elif now and not self._now:
-            self.transforms.frames.clear(after=now + self._tolerance)
+        if now == self._now:
+            return
+        if now < self._now:
+            if self.scene.is_set_back(now):
+                self._forget_times(now)
+            else:
+                self.outlines.limit_times(now)
+        elif not self._now:
+            ahead = self.scene.settings.future_tolerance * 1e9
+            self.transforms.frames.clear(after=now + ahead)
         self._now = now
+        self.scene.pass_time(now)
 
     def set_clock(self, now: int) -> bool:
         """

@@ -473,11 +473,13 @@ def test_disabled_source_drops_waiting_messages(robot):
     assert robot.seen == [] and not robot.rejections
 
 
-def test_step_back_in_time_drops_waiting_messages_and_transforms(robot):
+@pytest.mark.parametrize('steps', [[0.0], [0.5, 0.0]], ids=['one', 'two'])
+def test_steps_back_in_time_drop_waiting_messages_and_transforms(robot, steps):
     """Static transforms stay."""
     robot.wait_until(1.05)
     robot.see(box(9), 1.05)
-    robot.wait_until(0.0)
+    for time in steps:
+        robot.wait_until(time)
     assert 'lidar' not in robot.monitor.waiting
     robot.see((), -2.0)
     robot.see(box(9), 0.0, 'base')

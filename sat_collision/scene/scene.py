@@ -431,7 +431,7 @@ class Scene(SceneView):
             return
         if now < last:
             self._latest = max(self._latest, last)
-            if now < self._latest - self._future_tolerance:
+            if self.is_set_back(now):
                 self.set_clock(now)
         for footprint in self._footprints.values():
             footprint.limit_times(now)
@@ -445,6 +445,10 @@ class Scene(SceneView):
             (footprint.deadline for footprint in self._footprints.values()
              if footprint not in self._contacts.changed)), default=NEVER)
         self._reevaluate_all()
+
+    def is_set_back(self, now: int) -> bool:
+        """Return whether a clock that reads `now` went back by more than `future_tolerance`."""
+        return now < max(self._latest, self._now) - self._future_tolerance
 
     def use_middleware(self, name: str) -> None:
         """Name the middleware where it gives no sequence numbers."""

@@ -30,18 +30,16 @@ from sat_collision.geometry.body.packing import PAIR
 from sat_collision.geometry.body.polygon import as_polygon, BodyLike, Polygon
 from sat_collision.geometry.compiled.floating_point import require_nearest
 from sat_collision.geometry.compiled.jit import indexable, inner, kernel, scratch, scratch_integers
-from sat_collision.geometry.motion.prediction import BEYOND, first_met, Motion, path_of, ways_of
+from sat_collision.geometry.motion.prediction import (
+    BEYOND, first_met, Motion, path_of, ROUNDING, ways_of)
 from sat_collision.geometry.motion.sweep import limits
 from sat_collision.geometry.numeric.ascending import contains
-from sat_collision.geometry.numeric.vectors import joined, length, NOWHERE
+from sat_collision.geometry.numeric.vectors import joined, LEAST, length, NOWHERE
 from sat_collision.geometry.sets.polygon_set import ascending, PolygonSet, rows_within
 
 _TOLERANCE = 1e-3
 # How many segments are compared with the obstacles at once.
 _CHUNK = 8
-# Bound of the rounding error of a box, relative to the coordinates, see `prediction`.
-_ROUNDING = 2.0 ** -44
-_LEAST = 5e-324
 
 
 class PathContact(NamedTuple):
@@ -233,7 +231,7 @@ def _motion(poses, segment, margin):
         turn = math.atan2(c * next_s - s * next_c, c * next_c + s * next_s)
         if turn == 0.0:
             # Only a body that rests may count as resting.
-            turn = _LEAST
+            turn = LEAST
     half = turn / 2.0
     along = half / math.sin(half) * math.cos(half) if half != 0.0 else 1.0
     dx = poses[k + 3] - poses[k]
@@ -251,7 +249,7 @@ def _write_box(poses, segment, motion, radius, boxes):
     for axis in range(2):
         start = poses[k + axis]
         end = poses[k + 3 + axis]
-        more = grown + _ROUNDING * (abs(start) + way + grown)
+        more = grown + ROUNDING * (abs(start) + way + grown)
         if not 8.0 * (way + more) < math.inf:
             raise ValueError(BEYOND)
         boxes[4 * segment + axis] = min(start, end) - more

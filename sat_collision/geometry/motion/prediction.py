@@ -41,15 +41,14 @@ from sat_collision.geometry.motion.sweep import as_double, first_contact_of_movi
 from sat_collision.geometry.numeric.ascending import contains
 from sat_collision.geometry.numeric.predicates import UNDERFLOW_BOUND
 from sat_collision.geometry.numeric.vectors import (
-    bounds_of, grown, joined, length, NOWHERE, unit)
+    bounds_of, grown, joined, LEAST, length, NOWHERE, unit)
 
 # Max angle by which a body turns in a piece, rad, unless that takes too many pieces.
 _TURN = 0.1
 _MAX_PIECES = 4096
 _FINEST = 1.0 / _MAX_PIECES
 # Bound of the rounding error of a gap, relative to the coordinates and paths of both bodies.
-_ROUNDING = 2.0 ** -44
-_LEAST = 5e-324
+ROUNDING = 2.0 ** -44
 _FARTHEST = 2.0 ** 1020
 # A smaller share of the horizon is none.
 _LEAST_SHARE = 2.0 ** -1000
@@ -103,7 +102,7 @@ def motion_of(twist: ArrayLike, horizon: float, pose: ArrayLike, tolerance: floa
         raise ValueError(f'horizon {horizon}, but it has to be 0 or more seconds, and finite')
     tolerance, margin = limits(tolerance, margin)
     _require_finite(max(abs(vx), abs(vy), abs(turn)), horizon)
-    vx, vy, turn = (speed * horizon or math.copysign(_LEAST if speed and horizon else 0.0, speed)
+    vx, vy, turn = (speed * horizon or math.copysign(LEAST if speed and horizon else 0.0, speed)
                     for speed in (vx, vy, turn))
     c, s = math.cos(yaw), math.sin(yaw)
     return np.array([x, y, c * vx - s * vy, s * vx + c * vy, turn, horizon, tolerance,
@@ -140,7 +139,7 @@ def ways_of(velocities: ArrayLike | None, rows: int, horizon: float) -> NDArray[
     if 0.0 < horizon < 1.0:
         # Only 0 becomes 0.
         lost = (ways == 0.0) & (speeds != 0.0)
-        ways[lost] = np.copysign(_LEAST, speeds[lost])
+        ways[lost] = np.copysign(LEAST, speeds[lost])
     return ways
 
 
@@ -196,7 +195,7 @@ def _surroundings(path, rows):
     motion = path.motion
     reach = _extent(path, *bounds_of_index(rows)) + motion.margin
     # Twice the rounding that `_may_meet` allows for, as this rounds otherwise.
-    margin = motion.margin + (2.0 * _ROUNDING * (path.reach + reach) + UNDERFLOW_BOUND)
+    margin = motion.margin + (2.0 * ROUNDING * (path.reach + reach) + UNDERFLOW_BOUND)
     # The box after those of the pieces is that of the whole path.
     box = beyond(elements(path.boxes), 4 * path.pieces)
     return grown((box[0] + motion.x, box[1] + motion.y, box[2] + motion.x, box[3] + motion.y),
@@ -234,7 +233,7 @@ def first_met(path, rows, ways, candidates, count):
         return first, math.inf
     time = share * path.motion.horizon if share > _LEAST_SHARE else 0.0
     # Only a subnormal time may be rounded up by much, and only that becomes less.
-    return first, max(time - _LEAST, _LEAST)
+    return first, max(time - LEAST, LEAST)
 
 
 @inner
@@ -245,7 +244,7 @@ def path_of(body, motion):
         radius = max(radius, length(body.array[k], body.array[k + 1]))
     speed = length(motion.vx, motion.vy) + abs(motion.turn) * radius
     if radius > 0.0 and motion.turn != 0.0:
-        speed += _LEAST
+        speed += LEAST
     if not 8.0 * (radius + speed) < math.inf:
         raise ValueError(BEYOND)
     turned = min(abs(motion.turn) / _TURN, _MAX_PIECES)
@@ -383,14 +382,14 @@ def _is_beside(path, rows, row, ways):
         parts_about(body_of(rows, row), motion.x, motion.y, 1.0), motion)
     centre = length(motion.vx, motion.vy) / abs(motion.turn) if motion.turn != 0.0 else 0.0
     margin = (motion.margin + max(motion.tolerance, 4.0 * _sagitta(path, _FINEST))
-              + _ROUNDING * centre + _rounding(path, rows, row, ways))
+              + ROUNDING * centre + _rounding(path, rows, row, ways))
     return least - path.outer > margin or path.inner - most > margin
 
 
 @inlined
 def _rounding(path, rows, row, ways):
     """Return a bound of the rounding error of a gap between the moving body and that of a row."""
-    return _ROUNDING * (path.reach + _reach(path, rows, row, ways)) + UNDERFLOW_BOUND
+    return ROUNDING * (path.reach + _reach(path, rows, row, ways)) + UNDERFLOW_BOUND
 
 
 @inlined

@@ -33,19 +33,15 @@ from sat_collision.geometry.body.moving import (
 from sat_collision.geometry.body.polygon import coordinates, Polygon
 from sat_collision.geometry.compiled.jit import elements, inlined, inner, kernel
 from sat_collision.geometry.numeric.predicates import UNDERFLOW_BOUND
-from sat_collision.geometry.numeric.vectors import nearest_of_segment
+from sat_collision.geometry.numeric.vectors import LEAST, nearest_of_segment
 from sat_collision.geometry.pair.distance import measure_arrays
 from sat_collision.geometry.pair.intersection import arrays_meet
 
-# A gap counts as positive if it exceeds this fraction of the largest relative coordinate M. With
-# u = 2^-53 the error of a coordinate at any time is at most 6 u M: u M from taking it relative,
-# 5 u M from x0 + t (x1 - x0) with |x1 - x0| <= 2 M. Along an axis of length one that is an error
-# of 12 u M for a vertex, and two support vertices fall short by 24 u M each; with 26 u M for the
-# gap between them the error of a gap is at most 74 u M.
+# A gap counts as positive if it exceeds this fraction of the largest relative coordinate M, and
+# its error is at most 74 u M: docs/exactness.md, lemma 21.
 _MARGIN = 128.0 * 2.0 ** -53
 # A relative vertex moves by at most 4 sqrt(2) M.
 _FASTEST = 6.0
-_LEAST = 5e-324
 
 
 def time_of_contact(a0: ArrayLike, a1: ArrayLike, b0: ArrayLike, b1: ArrayLike,
@@ -189,7 +185,7 @@ def _first_contact_of_parts(p, q, tolerance, apart, before):
         if clear == 1.0:
             return math.inf
         if not clear > last:
-            return max(clear, _LEAST)
+            return max(clear, LEAST)
     return math.inf
 
 

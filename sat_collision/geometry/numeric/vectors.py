@@ -18,6 +18,8 @@ _LARGE = 2.0 ** 300
 _SMALL = 2.0 ** -300
 _MAX_SHIFT = 1000
 
+# The least double above 0.
+LEAST = 5e-324
 # Exceeds what rounding takes from a gap between boxes and from a grown box, relative to both.
 _ROUNDING = 2.0 ** -50
 _LARGEST = 1.7976931348623157e308
@@ -60,6 +62,16 @@ def nearest_of_segment(ax, ay, bx, by):
     if height < 0.0:
         return -height, -ey, ex
     return height, ey, -ex
+
+
+@inlined
+def reach_along(points, first, end, ux, uy):
+    """Return how far points x, y, ... between two indices of a flat array reach along u."""
+    most = -math.inf
+    for k in range(first, end, 2):
+        along = points[k] * ux + points[k + 1] * uy
+        most = along if along > most else most
+    return most
 
 
 @kernel

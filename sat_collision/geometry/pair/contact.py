@@ -35,13 +35,12 @@ from sat_collision.geometry.body.polygon import as_polygon, BodyLike
 from sat_collision.geometry.compiled.floating_point import require_nearest
 from sat_collision.geometry.compiled.jit import inlined, inner, kernel, scratch
 from sat_collision.geometry.numeric.predicates import orient
-from sat_collision.geometry.numeric.vectors import unit
+from sat_collision.geometry.numeric.vectors import LEAST, unit
 from sat_collision.geometry.pair.distance import goes_first, measure_parts
 from sat_collision.geometry.pair.way_out import way_out
 
 # Sine of the greatest angle at which an edge counts as perpendicular to the normal: 1 cm per m.
 FACING = 0.01
-_LEAST = 5e-324
 
 
 class Contact(NamedTuple):
@@ -164,7 +163,7 @@ def _contact(p, q):
                             (x, y, qx, qy), ux, uy)
     if least <= 0.0 and not convex:
         out, nx, ny = way_out(p, q)
-        depth = max(out, max(depth, _LEAST))
+        depth = max(out, max(depth, LEAST))
     return least, depth, nx, ny, count, pairs
 
 

@@ -32,14 +32,13 @@ from sat_collision.geometry.body.layout import (
     vertex_after)
 from sat_collision.geometry.compiled.floating_point import require_nearest
 from sat_collision.geometry.compiled.jit import COMPILED, elements, inner, kernel, scratch
-from sat_collision.geometry.numeric.vectors import length, scale_to_one
+from sat_collision.geometry.numeric.vectors import LEAST, length, reach_along, scale_to_one
 from sat_collision.geometry.pair.convex_distance import (
     closest_of, nearest_features, penetration, reach_of, ROUNDING)
 from sat_collision.geometry.pair.intersection import convex_meet, interiors_apart
 
 # Up to this depth, relative to the largest coordinate, an overlap may be a rounding error.
 _DOUBTFUL = 2.0 ** -94
-_LEAST = 5e-324
 # A prime greater than any number of pairs, so that steps of it visit every pair.
 _STRIDE = 2 ** 61 - 1
 # Below this magnitude underflow may have taken too much from products.
@@ -151,10 +150,10 @@ def _measure_pair(a, b):
     # Rounding must not contradict the boxes, by which bodies and parts are skipped.
     value = max(value / scale, -_overlap(a, b))
     if not meet:
-        return meet, max(value, _LEAST), points
+        return meet, max(value, LEAST), points
     if -value <= _DOUBTFUL * reach and (interiors_apart(a, b) or max(a.n, b.n) == 1):
         return meet, 0.0, points
-    return meet, min(value, -_LEAST), points
+    return meet, min(value, -LEAST), points
 
 
 @inner
@@ -230,15 +229,11 @@ def _is_beyond_edge(p, q, limit):
 @inner
 def _reaches(p, ux, uy):
     """Return how far each convex part of a body reaches along an axis: an array."""
-    v = p.array
     found = np.empty(max(1, -p.n))
     for i in range(max(1, -p.n)):
         part = convex_part(p, i)
         first = first_vertex(part)
-        furthest = -math.inf
-        for k in range(first, first + 2 * part.n, 2):
-            furthest = max(furthest, v[k] * ux + v[k + 1] * uy)
-        found[i] = furthest
+        found[i] = reach_along(part.array, first, first + 2 * part.n, ux, uy)
     return found
 
 

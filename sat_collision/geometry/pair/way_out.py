@@ -30,7 +30,7 @@ import numpy as np
 from sat_collision.geometry.body.layout import convex_part, first_vertex, outline_of
 from sat_collision.geometry.body.moving import Part, parts_about, write_relative
 from sat_collision.geometry.compiled.jit import elements, inlined, inner, scratch, scratch_integers
-from sat_collision.geometry.numeric.vectors import scale_to_one, unit
+from sat_collision.geometry.numeric.vectors import reach_along, scale_to_one, unit
 from sat_collision.geometry.pair.convex_distance import reach_of
 from sat_collision.geometry.pair.distance import open_pairs
 
@@ -171,19 +171,9 @@ def _write_side(a, b, ux, uy, sides, place):
     """Write the half-plane with a normal; return where it ends."""
     sides[place] = ux
     sides[place + 1] = uy
-    sides[place + 2] = _furthest(b, ux, uy) + _furthest(a, -ux, -uy)
+    sides[place + 2] = (reach_along(b.array, b.first, b.end, ux, uy)
+                        + reach_along(a.array, a.first, a.end, -ux, -uy))
     return place + 3
-
-
-@inlined
-def _furthest(a, ux, uy):
-    """Return how far vertices reach along u."""
-    v = a.array
-    most = -math.inf
-    for k in range(a.first, a.end, 2):
-        along = v[k] * ux + v[k + 1] * uy
-        most = along if along > most else most
-    return most
 
 
 @inner

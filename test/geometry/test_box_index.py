@@ -18,7 +18,8 @@ from bodies import random_body
 from compiled import failures_in_plain_python
 import numpy as np
 import pytest
-from sat_collision import first_contact_along, Polygon, PolygonError, PolygonSet
+from sat_collision import (
+    first_contact_along, Polygon, PolygonError, PolygonSet, separation)
 from sat_collision.geometry.body import box_index
 from sat_collision.geometry.body.layout import FANOUT
 from sat_collision.geometry.compiled.jit import COMPILED
@@ -87,6 +88,14 @@ def answers(bodies, body, extent):
         except ValueError as error:
             found.append(str(error))
     return [one.tolist() if isinstance(one, np.ndarray) else one for one in found]
+
+
+def test_rows_at_exactly_the_margin_are_found():
+    """A box grown by the margin might be rounded to less."""
+    rng = np.random.default_rng(11)
+    for a, b in rng.normal(size=(300, 2)) * 2.0 ** rng.integers(-30, 30, (300, 2)):
+        for one in pair_of_sets(np.array([[(0.0, b)]])):
+            assert one.rows_within([(0.0, a)], separation([(0.0, a)], [(0.0, b)])).tolist() == [0]
 
 
 @pytest.mark.parametrize('kind', KINDS.values(), ids=KINDS)

@@ -27,7 +27,8 @@ from sat_collision.geometry.body.box_index import rows_near
 from sat_collision.geometry.body.layout import box_gap, packed_polygon, rows_of, USED
 from sat_collision.geometry.body.moving import MovingBody, parts_about
 from sat_collision.geometry.body.packing import PAIR
-from sat_collision.geometry.body.polygon import as_polygon, BodyLike, Polygon
+from sat_collision.geometry.body.polygon import (
+    array_of, as_polygon, BodyLike, doubles, Polygon)
 from sat_collision.geometry.compiled.floating_point import require_nearest
 from sat_collision.geometry.compiled.jit import indexable, inner, kernel, scratch, scratch_integers
 from sat_collision.geometry.motion.prediction import (
@@ -107,8 +108,8 @@ def first_contact_along(body: BodyLike, poses: ArrayLike,
     PolygonError
         Points that do not make a polygon, or no longer do once they are rounded at the first pose.
     ValueError
-        Poses that are not finite or not of shape (k, 3), k at least 1; a margin that is negative
-        or not finite; a segment beyond the largest double, or a sixteenth of it.
+        Poses that are not finite numbers, or not of shape (k, 3), k at least 1; a margin that is
+        negative or not finite; a segment beyond the largest double, or a sixteenth of it.
 
     Examples
     --------
@@ -148,9 +149,9 @@ def first_of_rows(polygon: Polygon, path: NDArray[np.float64], bodies: PolygonSe
 def _checked(poses: ArrayLike) -> NDArray[np.float64]:
     """Return poses as an array; raise `ValueError` if they are not valid."""
     try:
-        array = np.asarray(poses, np.float64)
-    except (OverflowError, TypeError, ValueError) as error:
-        raise ValueError(f'poses have to be x, y and yaw in rows: {error}') from error
+        array = doubles(array_of(poses))
+    except (OverflowError, ValueError) as error:
+        raise ValueError(f'poses are {error}; they have to be x, y and yaw in rows') from error
     if array.ndim != 2 or array.shape[1] != 3 or not len(array):
         raise ValueError(f'poses of shape {array.shape}, but it has to be (k, 3): x and y in '
                          'metres, yaw in rad, one pose at least')

@@ -180,7 +180,8 @@ GOOD = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)]
 @pytest.mark.parametrize('poses', [
     [(math.nan, 0, 0)], [(0, 0, math.inf)], [*GOOD, (0, -math.inf, 0)], [], (0.0, 0.0, 0.0),
     [(0.0, 0.0)], [(0, 0, 0, 1)], np.zeros((1, 1, 3)), np.zeros((0, 3)), [GOOD[0], (1, 0)],
-    'abc', None, [(10 ** 400, 0, 0)]])
+    'abc', None, [(10 ** 400, 0, 0)], [('0', '0', '0')], [(True, False, False)], [(None, 0, 0)],
+    [(1j, 0, 0)], np.array([(1j, 0, 0)], object), np.ma.masked_equal(GOOD, 1.0)])
 def test_bad_poses(poses, obstacles):
     with pytest.raises(ValueError, match='pose'):
         first_contact_along(BOX, poses, obstacles)

@@ -433,6 +433,12 @@ def test_what_is_beyond_the_largest_double_is_refused(body, twist, post, velocit
     ({'velocities': [(1, 0), (10**400, 0)]}, 'a velocity is beyond the largest double'),
     ({'twist': (10**400, 0, 0)}, 'twist .* three finite numbers'),
     ({'pose': (0, 10**400, 0)}, 'pose .* three finite numbers'),
+    *(({name: value}, 'three finite numbers') for name in ('twist', 'pose') for value in (
+        ('1', '0', '0'), (True, False, False), (1j, 0, 0), np.ma.masked_equal((1.0, 0, 0), 1))),
+    ({'velocities': [('1', '0')] * 2}, 'velocities are not numbers but str'),
+    ({'velocities': [(True, False)] * 2}, 'velocities are not numbers but bool'),
+    ({'velocities': [(1j, 0)] * 2}, 'velocities are not numbers but complex128'),
+    ({'velocities': np.ma.masked_equal([(1.0, 0)] * 2, 1)}, 'velocities are a masked array'),
     ({'horizon': 10**400}, 'horizon .* finite'),
     ({'tolerance': 10**400}, 'tolerance .* finite'),
     ({'footprint': []}, 'no points'),

@@ -354,12 +354,10 @@ def coordinates(points: BodyLike) -> NDArray[np.float64]:
         raise _wrong('a Polygon, which has dropped and reordered vertices: give its points')
     if is_geometry(points):
         points = _of_geometry(points)
-    if isinstance(points, np.ma.MaskedArray):
-        raise _wrong('a masked array: fill what is masked, or drop it')
     try:
-        array = np.asarray(points)
-    except Exception as error:  # raised by objects that pretend to be arrays
-        raise _wrong(f'not an array of points: {error}') from error
+        array = array_of(points)
+    except ValueError as error:
+        raise _wrong(str(error)) from error
     if array.size == 0 and array.ndim <= 2:
         raise _empty()
     if array.ndim != 2 or array.shape[1] not in (2, 3):
@@ -367,16 +365,40 @@ def coordinates(points: BodyLike) -> NDArray[np.float64]:
     if array.shape == (2, 3):
         raise _wrong('points of shape (2, 3), which might be three points in columns: transpose '
                      'them, or give two points without z')
+    try:
+        return doubles(array)[:, :2]
+    except OverflowError as error:
+        raise PolygonError(Reason.NOT_FINITE, f'a coordinate is {error}') from error
+    except ValueError as error:
+        raise _wrong(f'coordinates that are {error}') from error
+
+
+def array_of(values: Any) -> NDArray[Any]:
+    """Return what a user gives as an array; raise `ValueError` if it is none, or is masked."""
+    if isinstance(values, np.ma.MaskedArray):
+        raise ValueError('a masked array: fill what is masked, or drop it')
+    try:
+        return np.asarray(values)
+    except Exception as error:  # raised by objects that pretend to be arrays
+        raise ValueError(f'not an array: {error}') from error
+
+
+def doubles(array: NDArray[Any]) -> NDArray[np.float64]:
+    """
+    Return numbers as doubles.
+
+    Raise `ValueError` for what is not real numbers, such as text and truth values, and
+    `OverflowError` for integers beyond the largest double.
+    """
     if array.dtype.kind not in 'fiu' and not (array.dtype == object and all(
             isinstance(x, Number) and not isinstance(x, bool) for x in array.flat)):
-        raise _wrong(f'coordinates that are not numbers but {array.dtype.name}')
+        raise ValueError(f'not numbers but {array.dtype.name}')
     try:
-        return array.astype(np.float64)[:, :2]
+        return array.astype(np.float64)
     except OverflowError as error:
-        raise PolygonError(Reason.NOT_FINITE,
-                           f'a coordinate is beyond the largest double: {error}') from error
-    except (TypeError, ValueError) as error:
-        raise _wrong(f'not an array of points: {error}') from error
+        raise OverflowError(f'beyond the largest double: {error}') from error
+    except TypeError as error:  # complex numbers among others
+        raise ValueError(f'not real numbers: {error}') from error
 
 
 def ends_of(offsets: Any, count: int) -> NDArray[np.int64]:

@@ -34,6 +34,7 @@ from numpy.typing import ArrayLike, NDArray
 from sat_collision.geometry.body.box_index import bounds_of_index, rows_near
 from sat_collision.geometry.body.layout import body_of, packed_polygon, rows_of
 from sat_collision.geometry.body.moving import MovingBody, parts_about
+from sat_collision.geometry.body.polygon import array_of, doubles
 from sat_collision.geometry.compiled.floating_point import require_nearest
 from sat_collision.geometry.compiled.jit import (
     beyond, elements, inlined, inner, kernel, scratch, scratch_integers)
@@ -124,9 +125,11 @@ def ways_of(velocities: ArrayLike | None, rows: int, horizon: float) -> NDArray[
     if velocities is None:
         return _at_rest(rows)
     try:
-        array = np.asarray(velocities, np.float64)
+        array = doubles(array_of(velocities))
     except OverflowError as error:
-        raise ValueError(f'a velocity is beyond the largest double: {error}') from error
+        raise ValueError(f'a velocity is {error}') from error
+    except ValueError as error:
+        raise ValueError(f'velocities are {error}') from error
     if array.shape != (rows, 2):
         raise ValueError(f'velocities of shape {array.shape}, but for {rows} rows it has to be '
                          f'({rows}, 2)')
@@ -151,8 +154,8 @@ def _at_rest(rows: int) -> NDArray[np.float64]:
 
 def _finite(values: ArrayLike, name: str, meaning: str) -> NDArray[np.float64]:
     try:
-        array = np.asarray(values, np.float64)
-    except (OverflowError, TypeError, ValueError):
+        array = doubles(array_of(values))
+    except (OverflowError, ValueError):
         array = np.empty(0)
     if array.shape != (3,) or not np.isfinite(array).all():
         raise ValueError(f'{name} {values!r}, but it has to be three finite numbers: {meaning}')

@@ -38,7 +38,8 @@ from sat_collision.replay.model.result import (
 from sat_collision.replay.motion.motion import RecordedMotion
 from sat_collision.replay.motion.prediction import HORIZON
 from sat_collision.replay.motion.tape import MotionTape
-from sat_collision.replay.order import ArrivalOrder, StampOrder, Timed, until_set_back, WINDOW
+from sat_collision.replay.order import (
+    ArrivalOrder, by_stamps_as_received, StampOrder, Timed, until_set_back, WINDOW)
 from sat_collision.replay.plans import Plans
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.scene import OVERTAKEN
@@ -116,6 +117,9 @@ class _Check:
         self._placements: list[Placement] = []
         self._together = 1 if any(one.has_outline for one in settings.footprints) else _TOGETHER
         self._untaken = 0
+        # Maps and plans may be of any time.
+        self._timeless = {one.topic for one in settings.obstacles if not one.timeout} | {
+            one.path for one in settings.footprints if one.path}
         has_plans = any(one.path and one.enabled for one in settings.footprints)
         if options.fail_on == PLAN and not has_plans:
             raise ParameterError('--fail-on plan: no enabled footprint has a path')
@@ -220,7 +224,8 @@ class _Check:
         by_header, result = self._options.clock == HEADER, self._result
         monitor, now = self._monitor, 0
         if by_header and self._options.start:
-            result.origin = self._first_stamp(names.keys() - {*TRANSFORM_TOPICS})
+            result.origin = self._first_stamp(
+                names.keys() - {*TRANSFORM_TOPICS} - self._timeless)
         elif not by_header:
             result.origin = self._recording.start
         self._losses = self._read_losses(start, stop)
@@ -277,7 +282,7 @@ class _Check:
             for name in names[topic]:
                 for k, part in enumerate([[one] for one in batch] if name in single else [batch]):
                     self._receive(name, part, now, number and number + k)
-                    if name in plans:
+                    if name in plans and now:
                         self._keep(self._plans.receive(name, now))
                     elif name in monitor.outlines.names:
                         self._plans.follow(now)
@@ -321,11 +326,9 @@ class _Check:
             total = sum(self._recording.counts[topic] for topic in names)
             read = _with_progress(read, total, progress)
         if self._motion:
-            return StampOrder(read, by_header, marks)
-        if not by_header:
-            return ArrivalOrder(read)
-        return ((topic, 0 if topic in TRANSFORM_TOPICS else header_stamp(data), [data])
-                for topic, _, messages in read for data in messages)
+            return StampOrder(read, by_header, marks, self._timeless)
+        return (by_stamps_as_received(read, self._timeless) if by_header
+                else ArrivalOrder(read))
 
     def _begin_outputs(self) -> None:
         """Begin to write what the node would publish, if it is asked for."""
@@ -435,6 +438,10 @@ class _Check:
         if self._result.origin is None:
             self._result.origin = start
         self._monitor.advance(start)
+        for name in self._plans.names:
+            if self._monitor.received[name]:
+                # With the clock of stamps, the last one that came before the first of these.
+                self._keep(self._plans.receive(name, start))
         self._change(self._scene.take_changes().changed, start)
         for timer in self._timers:
             timer.due = start

@@ -12,7 +12,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from itertools import groupby
 from operator import itemgetter
 from typing import TypeAlias
@@ -20,7 +20,7 @@ from typing import TypeAlias
 from sat_collision.messages.cdr import (
     decode_transforms, header_stamp, MessageError, STAMP_SIZE)
 from sat_collision.messages.ingest import Batch
-from sat_collision.messages.transform_listener import TF_STATIC
+from sat_collision.messages.transform_listener import TF_STATIC, TRANSFORM_TOPICS
 from sat_collision.monitor import Monitor
 from sat_collision.replay.bag.storage import Row
 from sat_collision.scene.frames import in_quotes
@@ -92,7 +92,8 @@ class StampOrder:
 
     A message without a stamp counts at the time received; so does one whose stamp is more than
     WINDOW off that, as it is from another clock. With `by_header` the stamps are the clock, and a
-    message without one counts at the latest stamp so far, 0 before the first.
+    message without one counts at the latest stamp so far, 0 before the first; so does one of
+    `timeless` topics, see `time_beside`, whose stamp is more than WINDOW off that.
 
     Where a mark ends a set, order says what is in it: its messages stay in their order, and all
     count at the latest stamp of them but that of the mark. `marks` has for the topic of each such
@@ -100,11 +101,13 @@ class StampOrder:
     """
 
     def __init__(self, rows: Iterable[Row], by_header: bool,
-                 marks: Mapping[str, Callable[[bytes], bool]] | None = None) -> None:
+                 marks: Mapping[str, Callable[[bytes], bool]] | None = None,
+                 timeless: Collection[str] = ()) -> None:
         # How much later than its time the last message was received, ns; unused by header.
         self.delay = 0
         self._rows = rows
         self._by_header = by_header
+        self._timeless = timeless
         # Consecutive messages of one topic and time, with the count of the first.
         self._waiting: list[_Counted] = []
         # The same of the sets that are being received, by their topics.
@@ -140,6 +143,8 @@ class StampOrder:
                         continue
                     time = stamp = _tf_stamp(data) if topic == TF else header_stamp(data)
                     if by_header:
+                        if topic in self._timeless:
+                            time = time_beside(latest, time)
                         if time and time < latest - WINDOW:
                             # The clock was set back: earlier messages come first.
                             self._end_sets()
@@ -203,6 +208,28 @@ class StampOrder:
             last_topic, last_time, messages = topic, time, run
         if last_topic:
             yield last_topic, last_time, messages
+
+
+def time_beside(latest: int, stamp: int) -> int:
+    """
+    Return when a message counts that may be of any time, as a map or a plan, where stamps count.
+
+    That is at its stamp, unless this is 0 or more than WINDOW off the latest one of all messages.
+    Then it is 0, for at that one.
+    """
+    return stamp if -WINDOW <= stamp - latest <= WINDOW else 0
+
+
+def by_stamps_as_received(rows: Iterable[Row], timeless: Collection[str]) -> Iterator[Timed]:
+    """Yield messages as received, each with its stamp; 0 for transforms and where it has none."""
+    latest = 0
+    for topic, _, messages in rows:
+        for data in messages:
+            time = 0 if topic in TRANSFORM_TOPICS else header_stamp(data)
+            if topic in timeless:
+                time = time_beside(latest, time)
+            latest = max(latest, time)
+            yield topic, time, [data]
 
 
 def until_set_back(rows: Iterable[Row], tolerances: Mapping[str, int],

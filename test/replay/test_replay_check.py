@@ -278,14 +278,18 @@ def test_latched_map_of_before_the_start_counts(tmp_path, as_live, wall, verdict
 
 
 @pytest.mark.parametrize('as_live', [False, True])
-def test_header_clock_starts_with_the_first_stamp(tmp_path, as_live):
-    """A map without a stamp that comes before does not make the time since 1970 unknown."""
-    messages = [('/obstacles', 0.0, serialised(points, 0)) for points in (box(3), [])]
+@pytest.mark.parametrize('stamp', [0, nanoseconds(-3600), nanoseconds(3600)])
+def test_header_clock_starts_with_the_first_stamp(tmp_path, as_live, stamp):
+    """A map without a stamp, or of any other time, does not make the time until then unknown."""
+    messages = [('/obstacles', time, serialised(points, stamp))
+                for time in (0.0, 2.05) for points in (box(3), [])]
     messages += [('/footprint', k / 10, box(0)) for k in range(1, 50)]
+    messages.sort(key=lambda message: message[1])
     bag = write(tmp_path / 'bag', messages, latched=['/obstacles'])
     result = check(bag, Options(as_live=as_live, clock=HEADER, parameters={
         f'{SOURCE}.timeout': 0.0}))
     assert (result.verdict, result.unknown) == (Verdict.CLEAR, [])
+    assert (result.start, result.end) == (nanoseconds(0.1), nanoseconds(4.9))
     assert result.footprints[0].least.separation == 2.0
 
 

@@ -82,6 +82,19 @@ def test_plan_that_touches_between_two_poses(run, storage, clock):
     assert result.verdict is Verdict.CLEAR
 
 
+@pytest.mark.parametrize('stamp, times, refused', [
+    (-600.0, [1.0], {}), (600.0, [], {'the last path on /plan was refused: from the future': 1})])
+def test_stamps_of_plans_do_not_set_the_clock_of_stamps(run, stamp, times, refused):
+    """One planned before began the check 600 s before the robot came; one ahead ended it late."""
+    early, late = (plan(time, TOUCHING, nanoseconds(stamp)) for time in (0.0, 1.05))
+    result = run(drive(early, late), clock='header')
+    assert (result.start, result.end) == (nanoseconds(0.0), nanoseconds(2.0))
+    assert [one.time for one in result.plan_contacts] == [*map(nanoseconds, times)]
+    footprint, = result.footprints
+    assert footprint.plans_unknown == {
+        f'obstacle source {SOURCE} on /obstacles has not sent anything yet': 1, **refused}
+
+
 def test_motion_is_as_without_a_path(tmp_path):
     """That the scene decides contacts for plans changes nothing else."""
     bag = write(tmp_path / 'bag', drive(plan(1.05, TOUCHING)), types=TYPES)

@@ -92,5 +92,10 @@ class WaitSet:
         for pointer, other in self._others.items():
             if ready is None or pointer in ready:
                 taken = other.handle.take_message(other.msg_type, other.raw)
-                if taken is not None:
-                    other.callback(taken[0])
+                try:
+                    if taken is not None:
+                        other.callback(taken[0])
+                except ValueError as error:  # a time before 1970, for which rclpy has none
+                    self._node.get_logger().warning(
+                        f'a message on {other.topic_name} was refused: {error}',
+                        throttle_duration_sec=1.0)

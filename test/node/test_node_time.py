@@ -15,7 +15,8 @@ import time
 from types import SimpleNamespace
 
 from builders import serialised
-from harness import APART, box, health, LASTING, ROBOT, SECOND, to_parameters, TOUCHING, values
+from harness import (
+    APART, box, health, LASTING, ROBOT, SECOND, to_parameters, to_time, TOUCHING, values)
 import pytest
 import rclpy
 from rosgraph_msgs.msg import Clock
@@ -55,6 +56,17 @@ def test_ages_count_in_simulated_time(start):
     monitor.set_clock(HOUR + 3 * SECOND // 2)
     status = monitor.await_state('unknown')
     assert values(status)['age'] == '1.500'
+
+
+def test_clock_before_1970_is_refused(start):
+    """It ended the node, because rclpy has no such time."""
+    monitor = start(use_sim_time=True)
+    monitor.set_clock(HOUR)
+    clock = monitor.publisher('/clock', Clock)
+    clock.publish(Clock(clock=to_time(-SECOND)))
+    assert monitor.logged('/clock', 'refused')
+    send_pair(monitor, APART, HOUR)
+    monitor.await_state('clear')
 
 
 def test_stopped_clock_is_unknown(start):

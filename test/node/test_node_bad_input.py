@@ -17,6 +17,8 @@ from builders import serialised
 from geometry_msgs.msg import PolygonStamped
 from harness import APART, box, health, LASTING, polygon_message, ROBOT, SECOND, values
 import pytest
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import SetParameters
 from rclpy.serialization import serialize_message
 from sat_collision.messages.transform_listener import TRANSFORM_TOPICS
 
@@ -105,6 +107,17 @@ def test_publish_rate_is_not_locked(start):
     assert running.set_parameters(publish_rate=20.0) == [None]
     assert running.set_parameters(lock_parameters=False) != [None]
     assert running.set_parameters(margin=1.0) != [None]
+
+
+def test_parameter_of_no_type_is_refused(start):
+    """Such a request ended the node, because rclpy cannot read it; others are answered."""
+    monitor = start()
+    client = monitor.node.create_client(SetParameters, f'/{monitor.name}/set_parameters')
+    monitor.until(client.service_is_ready)
+    client.call_async(SetParameters.Request(parameters=[
+        Parameter(name='margin', value=ParameterValue(type=200))]))
+    assert monitor.logged('request', 'refused', '200')
+    assert monitor.set_parameters(margin=0.5) == [None]
 
 
 def test_parameter_changes_are_reported(start):

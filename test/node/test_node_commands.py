@@ -10,12 +10,11 @@
 """Velocity commands over DDS: both types, any publisher, valid and invalid."""
 
 import math
-import time
 
 from builders import box, transforms
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PolygonStamped, Twist, TwistStamped
-from harness import health, values
+from harness import health, matched_publisher, values
 import pytest
 from rclpy.qos import QoSProfile, QoSReliabilityPolicy
 from std_msgs.msg import Bool
@@ -59,18 +58,6 @@ class Robot:
     def until(self, condition, what, *command):
         self.running.until(lambda: self.stand(*command) or condition(), what)
 
-    def matched(self, node, command):
-        """Return a publisher that is matched: Fast DDS may match only the other side."""
-        for _ in range(5):
-            publisher = node.create_publisher(type(command), 'cmd_vel', 10)
-            end = time.monotonic() + 10.0
-            self.until(lambda: publisher.get_subscription_count() or time.monotonic() > end,
-                       'a match or its time', command, publisher)
-            if publisher.get_subscription_count():
-                return publisher
-            node.destroy_publisher(publisher)
-        raise AssertionError('no publisher was matched')
-
     def velocity(self):
         return values(self.running.status())['velocity'] if self.running.status() else ''
 
@@ -103,7 +90,7 @@ def test_type_of_commands_may_change(start_with_tf, join):
     robot = Robot(running)
     for number, message in enumerate((twist(1.0), stamped(1.0), twist(1.0))):
         peer = join(f'driver{number}')
-        publisher = robot.matched(peer.node, message)
+        publisher = matched_publisher(peer.node, robot.until, type(message), 'cmd_vel', 10)
         robot.until_predicted(message, publisher)
         peer.node.destroy_publisher(publisher)
         robot.until(lambda: robot.velocity().startswith('unknown: no command on'), 'an end')

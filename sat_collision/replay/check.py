@@ -117,7 +117,7 @@ class _Check:
         self._placements: list[Placement] = []
         self._together = 1 if any(one.has_outline for one in settings.footprints) else _TOGETHER
         self._untaken = 0
-        # Maps and plans may be of any time.
+        # Topics of maps and plans, which may be of any time: their stamps do not start the clock.
         self._timeless = {one.topic for one in settings.obstacles if not one.timeout} | {
             one.path for one in settings.footprints if one.path}
         has_plans = any(one.path and one.enabled for one in settings.footprints)
@@ -246,9 +246,9 @@ class _Check:
                    for source in self._settings.obstacles
                    if names.get(source.topic) == [source.name] and source.type == POLYGON}
         if self._options.start:
-            kept = {TF_STATIC} & {*self._transforms} | (
+            latched = {TF_STATIC} & {*self._transforms} | (
                 set() if by_header else self._recording.latched & names.keys())
-            self._receive_kept(kept, names, start, numbers)
+            self._receive_latched(latched, names, start, numbers)
         for topic, time, batch in runs:
             if by_header and not now:
                 if not time or topic in TRANSFORM_TOPICS:
@@ -339,9 +339,9 @@ class _Check:
             self._timers += [Timer(1.0 / self._settings.publish_rate, outputs.publish),
                              Timer(1.0 / self._settings.marker_rate, outputs.publish_markers)]
 
-    def _receive_kept(self, topics: Set[str], names: dict[str, list[str]], start: int,
-                      numbers: dict[str, int]) -> None:
-        """Receive what publishers that keep their messages would send again at the start."""
+    def _receive_latched(self, topics: Set[str], names: dict[str, list[str]], start: int,
+                         numbers: dict[str, int]) -> None:
+        """Receive what publishers of latched topics sent before the start: they send it again."""
         for topic, _, messages in self._rows(topics, None, start):
             self._lose(names[topic], messages)
             number = numbers.pop(topic, None)

@@ -212,10 +212,10 @@ class StampOrder:
 
 def time_beside(latest: int, stamp: int) -> int:
     """
-    Return when a message counts that may be of any time, as a map or a plan, where stamps count.
+    Return the time at which a map or a plan, which may be of any time, counts by header stamps.
 
-    That is at its stamp, unless this is 0 or more than WINDOW off the latest one of all messages.
-    Then it is 0, for at that one.
+    It is the message's own stamp if that is within WINDOW of the latest one of all messages. Else
+    it is 0, which stands for the latest one.
     """
     return stamp if -WINDOW <= stamp - latest <= WINDOW else 0
 

@@ -158,7 +158,7 @@ def main():
     given = parser.parse_args()
     seen = Counter()
     with Pool() as pool:
-        seeds = range(2, 2 + int(given.paths) // TOGETHER)
+        seeds = range(2, 2 + math.ceil(given.paths / TOGETHER))
         for found in pool.imap_unordered(partial(check, TOGETHER, samples=given.samples), seeds):
             seen += found
             print(*(f'{kind}: {count}' for kind, count in seen.items()), '0 late', sep=', ',

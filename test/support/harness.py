@@ -67,7 +67,7 @@ def matched_publisher(node, until, *of_what):
         if publisher.get_subscription_count():
             return publisher
         node.destroy_publisher(publisher)
-    raise AssertionError('no publisher was matched')
+    raise AssertionError(f'no publisher was matched: {of_what}')
 
 
 class Peer:

@@ -117,7 +117,7 @@ class _Check:
         self._placements: list[Placement] = []
         self._together = 1 if any(one.has_outline for one in settings.footprints) else _TOGETHER
         self._untaken = 0
-        # Topics of maps and plans, which may be of any time: their stamps do not start the clock.
+        # Topics of maps and plans, which may be of any time: their stamps are not the clock.
         self._timeless = {one.topic for one in settings.obstacles if not one.timeout} | {
             one.path for one in settings.footprints if one.path}
         has_plans = any(one.path and one.enabled for one in settings.footprints)
@@ -327,7 +327,7 @@ class _Check:
             read = _with_progress(read, total, progress)
         if self._motion:
             return StampOrder(read, by_header, marks, self._timeless)
-        return (by_stamps_as_received(read, self._timeless) if by_header
+        return (by_stamps_as_received(read, {*TRANSFORM_TOPICS, *self._timeless}) if by_header
                 else ArrivalOrder(read))
 
     def _begin_outputs(self) -> None:

@@ -20,7 +20,7 @@ from typing import TypeAlias
 from sat_collision.messages.cdr import (
     decode_transforms, header_stamp, MessageError, STAMP_SIZE)
 from sat_collision.messages.ingest import Batch
-from sat_collision.messages.transform_listener import TF_STATIC, TRANSFORM_TOPICS
+from sat_collision.messages.transform_listener import TF_STATIC
 from sat_collision.monitor import Monitor
 from sat_collision.replay.bag.storage import Row
 from sat_collision.scene.frames import in_quotes
@@ -92,8 +92,9 @@ class StampOrder:
 
     A message without a stamp counts at the time received; so does one whose stamp is more than
     WINDOW off that, as it is from another clock. With `by_header` the stamps are the clock, and a
-    message without one counts at the latest stamp so far, 0 before the first; so does one of
-    `timeless` topics, see `time_beside`, whose stamp is more than WINDOW off that.
+    message without one counts at the latest stamp so far, 0 before the first. Those of `timeless`
+    topics, maps and plans, are not the clock: a message of them counts at its stamp only if that
+    lies between the first and the latest one, and at most WINDOW before that.
 
     Where a mark ends a set, order says what is in it: its messages stay in their order, and all
     count at the latest stamp of them but that of the mark. `marks` has for the topic of each such
@@ -116,7 +117,7 @@ class StampOrder:
 
     def __iter__(self) -> Iterator[Timed]:
         by_header, waiting = self._by_header, self._waiting
-        latest = released = time = before = count = 0
+        first_time = latest = released = time = before = count = 0
         # The run that a message extends if it has its topic and header, received in begin to end.
         run, run_topic, head, begin, end = [b''], '', b'', 0, 0
         for topic, times, messages in self._rows:
@@ -143,14 +144,16 @@ class StampOrder:
                         continue
                     time = stamp = _tf_stamp(data) if topic == TF else header_stamp(data)
                     if by_header:
-                        if topic in self._timeless:
-                            time = time_beside(latest, time)
+                        if topic in self._timeless and not (
+                                max(first_time, latest - WINDOW) <= time <= latest):
+                            time = latest
                         if time and time < latest - WINDOW:
                             # The clock was set back: earlier messages come first.
                             self._end_sets()
                             yield from self._take(None)
-                            latest = released = 0
+                            first_time = latest = released = 0
                         time = received = time or latest
+                        first_time = first_time or time
                     elif not (time and -WINDOW <= received - time <= WINDOW):
                         time = received
                     if stamp and time == stamp and topic != TF:
@@ -210,26 +213,11 @@ class StampOrder:
             yield last_topic, last_time, messages
 
 
-def time_beside(latest: int, stamp: int) -> int:
-    """
-    Return the time at which a map or a plan, which may be of any time, counts by header stamps.
-
-    It is the message's own stamp if that is within WINDOW of the latest one of all messages. Else
-    it is 0, which stands for the latest one.
-    """
-    return stamp if -WINDOW <= stamp - latest <= WINDOW else 0
-
-
 def by_stamps_as_received(rows: Iterable[Row], timeless: Collection[str]) -> Iterator[Timed]:
-    """Yield messages as received, each with its stamp; 0 for transforms and where it has none."""
-    latest = 0
+    """Yield messages as received, each with its stamp; 0 where it has none or is of `timeless`."""
     for topic, _, messages in rows:
         for data in messages:
-            time = 0 if topic in TRANSFORM_TOPICS else header_stamp(data)
-            if topic in timeless:
-                time = time_beside(latest, time)
-            latest = max(latest, time)
-            yield topic, time, [data]
+            yield topic, 0 if topic in timeless else header_stamp(data), [data]
 
 
 def until_set_back(rows: Iterable[Row], tolerances: Mapping[str, int],

@@ -278,11 +278,11 @@ def test_latched_map_of_before_the_start_counts(tmp_path, as_live, wall, verdict
 
 
 @pytest.mark.parametrize('as_live', [False, True])
-@pytest.mark.parametrize('stamp', [0, nanoseconds(-3600), nanoseconds(3600)])
-def test_header_clock_starts_with_the_first_stamp(tmp_path, as_live, stamp):
-    """A map without a stamp, or of any other time, does not make the time until then unknown."""
-    messages = [('/obstacles', time, serialised(points, stamp))
-                for time in (0.0, 2.05) for points in (box(3), [])]
+@pytest.mark.parametrize('off', [None, -3600.0, -5.0, -1.0, 0.04, 5.0, 3600.0])
+def test_stamps_of_maps_are_not_the_header_clock(tmp_path, as_live, off):
+    """A map without a stamp, or of any time, makes no time unknown, before, between or after."""
+    messages = [('/obstacles', time, serialised(points, 0 if off is None else nanoseconds(
+        time + off))) for time in (0.0, 0.15, 2.05, 5.0) for points in (box(3), [])]
     messages += [('/footprint', k / 10, box(0)) for k in range(1, 50)]
     messages.sort(key=lambda message: message[1])
     bag = write(tmp_path / 'bag', messages, latched=['/obstacles'])

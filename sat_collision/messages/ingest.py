@@ -314,7 +314,7 @@ class Ingest:
         """Place maps anew whose frames have moved; one whose frame is not known is not known."""
         for name, affines in self._followed.items():
             fault, deadline = '', NEVER
-            timeout = self._scene.footprint_timeout(name) * 1e9 or NEVER
+            timeout = round(self._scene.footprint_timeout(name) * 1e9) or NEVER
             frames = self._scene.map_frames(name)
             for frame_id in affines.keys() - frames:
                 del affines[frame_id]

@@ -113,7 +113,7 @@ class TransformListener:
         Stamp and present time are in ns. A stamp of 0 uses the newest transform, unless that is
         older than the timeout in s; 0.0 for any age.
         """
-        oldest = now - timeout * 1e9 if timeout else -NEVER
+        oldest = now - round(timeout * 1e9) if timeout else -NEVER
         return self.frames.lookup_affine(self._target, frame_id, stamp, oldest, now)
 
 

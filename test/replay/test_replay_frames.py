@@ -250,6 +250,21 @@ def test_odometry_topic_of_another_type_is_reported(tmp_path):
             'nav_msgs/msg/Odometry') in result.problems[0]
 
 
+@pytest.mark.parametrize('as_live', [False, True])
+def test_map_is_unknown_once_its_frame_is_too_old(tmp_path, as_live):
+    """From one timeout of the footprint after the last transform, 1 s, on."""
+    messages = [('/tf', 0.0, transforms(('odom', 'map', nanoseconds(0.0), 0.0, 0.0))),
+                *(('/obstacles', 0.0, serialised(points, nanoseconds(0.0), 'map'))
+                  for points in (box(9), [])),
+                *(('/footprint', k / 10, serialised(box(0), nanoseconds(k / 10), 'odom'))
+                  for k in range(20))]
+    bag = write(tmp_path / 'bag', messages, types=TYPES, latched=['/obstacles'])
+    result = check(bag, Options(as_live=as_live, obstacles=[f'{SOURCE}:=/obstacles'], parameters={
+        'frame_id': 'odom', f'{SOURCE}.timeout': 0.0, **declared(MARKS)}))
+    assert [(seconds(one.first), seconds(one.last)) for one in result.unknown if (
+        'transform is too old' in one.reasons[0])] == [(1.000000001, 1.9)]
+
+
 def test_invalid_outline_is_bad_input(tmp_path):
     result = run(tmp_path / 'bag', turn([(50, 50)]), {**WITH_ARM, 'frame_id': ''})
     assert 'needs the fixed frame' in result.problems[0]

@@ -234,6 +234,17 @@ def test_map_follows_a_static_frame_that_is_corrected():
     assert robot.status() == 'collision'
 
 
+def test_part_of_a_map_in_the_fixed_frame_stays():
+    """Though its place in a set was before that of a part which followed its frame."""
+    robot = map_robot(TF_STATIC, ('odom', 'site', 0, 50.0, 0.0))
+    for frame_id in 3 * ['site'] + 3 * ['odom']:
+        for x, sent_in in ((20, frame_id), (30, frame_id), (70, 'site')):
+            robot.see(box(x), 0.0, sent_in, None)
+        robot.see((), 0.0, 'odom', None)
+    robot.receive_transforms(TF_STATIC, ('odom', 'site', 0, 60.0, 0.0))
+    assert [x for x, *_ in robot.seen] == [20, 30, 130]
+
+
 def test_map_follows_a_moving_frame_and_is_unknown_without_it():
     """Once the last transform is older than the footprint's timeout, 1 s, and at a reset."""
     robot = map_robot(TF, ('odom', 'site', START, 50.0, 0.0))

@@ -180,6 +180,7 @@ class SetGroup(ObstacleGroup):
                 obstacle.moved()
                 obstacle.frame_id = frame_id
                 obstacle.time = time
+                obstacle.sent = None
         self._pending.clear()
 
     def take_run(self, run: Run, limit: int, frame_id: str, time: int) -> int:

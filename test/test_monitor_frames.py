@@ -234,6 +234,19 @@ def test_map_follows_a_static_frame_that_is_corrected():
     assert robot.status() == 'collision'
 
 
+def test_all_of_a_map_follows_when_a_transform_ahead_of_the_clock_comes_to_count():
+    """The first part was placed before, by the transform before."""
+    robot = Robot(MAP)
+    robot.stand(0)
+    robot.move(0.0, 50.0, 'site')
+    robot.move(0.5, 0.5, 'site')
+    robot.see(box(0), 0.0, 'site', None)
+    robot.wait_until(0.6)
+    robot.see(box(9), 0.6, 'site', None)
+    robot.see((), 0.6, 'site', None)
+    assert robot.status() == 'collision' and [x for x, *_ in robot.seen] == [0.5, 9.5]
+
+
 def test_part_of_a_map_in_the_fixed_frame_stays():
     """Though its place in a set was before that of a part which followed its frame."""
     robot = map_robot(TF_STATIC, ('odom', 'site', 0, 50.0, 0.0))

@@ -209,9 +209,7 @@ class Ingest:
                     followed = sent_in
                 obstacle = self._shape(settings, points, affine, followed) if points[2] else None
                 refusal = scene.obstacle(name, obstacle, frame_id, stamp, now, instance, number)
-                if followed and affine and (
-                        self._followed.setdefault(name, {}).get(sent_in) != affine):
-                    self._followed[name][sent_in] = affine
+                if followed and self._followed.setdefault(name, {}).get(followed) != affine:
                     self.follow_maps(now)
                 if settings.moving and obstacle and instance is not None and refusal is None:
                     scene.sources[name].track(

@@ -184,6 +184,8 @@ class _Check:
         if result.start is not None and LOSS_TYPE not in recording.topics.values():
             result.notes.append(UNSEEN)
         result.sources = [self._result_of(source) for source in all_sources(self._settings)]
+        for footprint, settings in zip(self._footprints, self._settings.footprints):
+            footprint.refused = self._refused_of(settings)
         result.footprints = self._footprints
         result.contacts = self._timeline.contacts
         result.unknown = self._timeline.unknown
@@ -218,6 +220,13 @@ class _Check:
             refused=0 if isinstance(source, PathSettings) else sum(
                 count for reason, count in rejected.items() if reason in _OF_CONTENT),
             known_by=(self._scene.sources[name].rule if name in self._scene.sources else ''))
+
+    def _refused_of(self, footprint: FootprintSettings) -> list[str]:
+        """Return which sources that concern a footprint had messages refused for content."""
+        names = {footprint.name, footprint.command and footprint.command.name,
+                 *filter(footprint.monitors, self._scene.sources)}
+        return [source.name for source in self._result.sources
+                if source.refused and source.name in names]
 
     def _play(self, names: dict[str, list[str]], start: int, stop: int | None, end: int,
               progress: OnProgress | None) -> None:

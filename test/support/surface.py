@@ -108,7 +108,7 @@ def _json():
     footprint = result.FootprintResult(
         'f', '/f', True, clear=1, least=nearest, separation=[(1, 1.0), (2, None)],
         soonest=result.Soonest(1.0, 1, 'o'), time_to_collision=[(1, 1.0), (2, None)],
-        last=2, plans=1, plans_unknown={'reason': 1})
+        last=2, plans=1, plans_unknown={'reason': 1}, refused=['s'])
     whole = result.Result(
         'bag', result.Options(max_undetermined=1.0, min_ttc=1.0, fail_on='plan'), 1, 1, 2,
         'digest', [footprint],

@@ -211,6 +211,8 @@ class FootprintResult:
     time_to_collision: list[Sample] = field(default_factory=list)
     plans: int | None = None  # how many were checked, None without a path
     plans_unknown: dict[str, int] = field(default_factory=dict)  # how many were not, by reason
+    # Names of the sources that concern it, itself among them, with messages refused for content.
+    refused: list[str] = field(default_factory=list)
 
     @property
     def coverage(self) -> float | None:

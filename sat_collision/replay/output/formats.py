@@ -169,6 +169,8 @@ def _failures(footprint: FootprintResult, result: Result) -> Iterator[str]:
         yield (f'undetermined for {result.undetermined_of(footprint) / 1e9:.3f} s, in which it is '
                'not known how something moved; --max-undetermined is '
                f'{result.options.max_undetermined:g} s')
+    for name in footprint.refused:
+        yield f'messages of {name} were refused: a contact may have been missed'
 
 
 def _bag(result: Result) -> _Values:
@@ -246,7 +248,8 @@ def differences_from(baseline: list[BaselineBag], results: list[Result]
 def _compared_part(bag: _Values) -> BaselineBag:
     return BaselineBag(PurePath(bag['bag']).name, bag.get('content') or object(), {
         **_without(bag, _LEFT_OUT),
-        'footprints': {one['name']: _without(one, _CURVES) for one in bag['footprints']},
+        'footprints': {one['name']: _without(one, _CURVES | {'refused'})
+                       for one in bag['footprints']},
         'sources': {one['name']: _without(one, {'examples'}) for one in bag['sources']},
         'contacts': _numbered([_without(one, _MANIFOLD) for one in bag['contacts']],
                               'footprint', 'obstacle'),

@@ -11,6 +11,7 @@
 
 import contextlib
 from importlib import import_module
+import json
 import os
 from pathlib import Path
 import signal
@@ -427,19 +428,33 @@ def test_undecodable_message_is_bad_input(tmp_path, as_live):
     assert '1 messages on /obstacles cannot be decoded' in problem
 
 
+@pytest.mark.parametrize('topic, refused', [('/obstacles', SOURCE), ('/footprint', 'footprint')])
 @pytest.mark.parametrize('as_live', (False, True))
-def test_refused_message_is_unknown_in_the_exit_status(tmp_path, as_live):
-    """A NaN where the contact was, however short it is."""
-    messages = drive(contact=(5.0, 5.1))
-    where = next(k for k, (topic, time, points) in enumerate(messages)
-                 if topic == '/obstacles' and points and time == 5.0)
-    messages[where] = '/obstacles', 5.0, [(float('nan'), 0.0), *box(0.75)[1:]]
+def test_refused_message_is_unknown_in_the_exit_status(tmp_path, as_live, topic, refused):
+    """A NaN where the contact was, however short it is; it concerns one footprint of two."""
+    messages = drive(contact=(5.0, 5.1) if topic == '/obstacles' else (0, 0))
+    messages += [(f'/other{topic}', time, points) for topic, time, points in drive(contact=(0, 0))]
+    messages.sort(key=lambda one: one[1])
+    bad = messages.index((topic, 5.0, box(0.75 if topic == '/obstacles' else 0.0)))
+    messages[bad] = topic, 5.0, [(float('nan'), 0.0), *box(0.75)[1:]]
     bag = write(tmp_path / 'bag', messages)
-    junit = tmp_path / 'a.xml'
-    assert main([str(bag), '--junit', str(junit), *['--as-live'] * as_live]) == 2
-    case, = (case for case in ElementTree.parse(junit).iter('testcase')
-             if case.get('name') == f'messages of {SOURCE}')
-    assert 'not finite' in case.find('failure').get('message')
+    parameters = {
+        'footprints': ['footprint', 'other'], 'other.topic': '/other/footprint',
+        'obstacles': [SOURCE, 'others'], 'others.topic': '/other/obstacles',
+        'footprint.obstacles': [SOURCE], 'other.obstacles': ['others'],
+        f'{SOURCE}.set_end': 'empty_polygon', 'others.set_end': 'empty_polygon'}
+    junit, stored = tmp_path / 'a.xml', tmp_path / 'a.json'
+    assert main([str(bag), f'--junit={junit}', f'--json={stored}', *['--as-live'] * as_live,
+                 *(f'--param={name}:={json.dumps(value)}' for name, value in parameters.items())
+                 ]) == 2
+    failures = {case.get('name'): case.find('failure').text
+                for case in ElementTree.parse(junit).iter('testcase') if len(case)}
+    assert {*failures} == {'footprint', f'messages of {refused}'}
+    assert 'not finite' in failures[f'messages of {refused}']
+    assert f'messages of {refused} were refused' in failures['footprint']
+    result, = json.loads(stored.read_text())['bags']
+    assert {one['name']: one['refused'] for one in result['footprints']} == {
+        'footprint': [refused], 'other': []}
 
 
 @pytest.mark.parametrize('chunked', (True, False))

@@ -263,11 +263,7 @@ class Loop:
         wait_set.take_others(ready)
         if wait_set.is_service_called:
             wait_set.is_service_called = False
-            try:
-                self._executor.spin_once(0.0)
-            except ValueError as error:  # a parameter of a type that rclpy does not have
-                self._node.get_logger().warning(f'a request to a service was refused: {error}',
-                                                throttle_duration_sec=1.0)
+            self._executor.spin_once(0.0)
         if late >= 0.0:
             self._receiver.tick(present)
             self._choose_rest(time.monotonic())

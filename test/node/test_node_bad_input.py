@@ -17,8 +17,8 @@ from builders import serialised
 from geometry_msgs.msg import PolygonStamped
 from harness import APART, box, health, LASTING, polygon_message, ROBOT, SECOND, values
 import pytest
-from rcl_interfaces.msg import Parameter, ParameterValue
-from rcl_interfaces.srv import SetParameters
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.serialization import serialize_message
 from sat_collision.messages.transform_listener import TRANSFORM_TOPICS
 
@@ -109,15 +109,23 @@ def test_publish_rate_is_not_locked(start):
     assert running.set_parameters(margin=1.0) != [None]
 
 
-def test_parameter_of_no_type_is_refused(start):
-    """Such a request ended the node, because rclpy cannot read it; others are answered."""
+@pytest.mark.parametrize('service, name', [
+    (SetParameters, 'set_parameters'),
+    (SetParametersAtomically, 'set_parameters_atomically')])
+def test_parameter_of_no_type_is_refused(start, service, name):
+    """Such a request ended the node, and then had no answer, because rclpy cannot read it."""
     monitor = start()
-    client = monitor.node.create_client(SetParameters, f'/{monitor.name}/set_parameters')
+    client = monitor.node.create_client(service, f'/{monitor.name}/{name}')
     monitor.until(client.service_is_ready)
-    client.call_async(SetParameters.Request(parameters=[
-        Parameter(name='margin', value=ParameterValue(type=200))]))
-    assert monitor.logged('request', 'refused', '200')
-    assert monitor.set_parameters(margin=0.5) == [None]
+    answer = client.call_async(service.Request(parameters=[
+        Parameter(name='margin', value=ParameterValue(type=kind, double_value=2.0))
+        for kind in (200, ParameterType.PARAMETER_DOUBLE)]))
+    monitor.until(answer.done)
+    results = getattr(answer.result(), 'results', None) or [answer.result().result]
+    assert [one.successful for one in results] == [False, True][:len(results)]
+    assert '200' in results[0].reason
+    margin = monitor.monitor.get_parameter('margin').value
+    assert margin == (2.0 if service is SetParameters else 0.0)
 
 
 def test_parameter_changes_are_reported(start):

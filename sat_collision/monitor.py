@@ -81,6 +81,7 @@ class Monitor:
         self.outlines.configure(settings)
         self.scene.update(settings)
         self._request_maps(self._now)
+        self.ingest.follow_maps(self._now)
         return self.outlines.follow(self._now)
 
     @property

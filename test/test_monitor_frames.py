@@ -276,6 +276,32 @@ def test_map_follows_a_moving_frame_and_is_unknown_without_it():
     assert 'is a map in another frame' in robot.state().reasons[0]
 
 
+@pytest.mark.parametrize('link, changes, reason', [
+    ((TF, ('odom', 'site', START, 50.0, 0.0)), {'footprints': (
+        replace(MAP.footprints[0], timeout=0.5),)}, 'past the timeout by 0.4 s'),
+    ((TF_STATIC, ('odom', 'site', 0, 50.0, 0.0, 0.0, 0.0, 0.04, 0.0, 0.9992)),
+     {'max_tilt': 0.01}, 'tilted by')], ids=['timeout', 'tilt'])
+def test_frame_of_a_map_counts_by_the_present_parameters(link, changes, reason):
+    robot = map_robot(*link)
+    robot.wait_until(0.9)
+    robot.stand(0)
+    robot.monitor.update(replace(robot.settings, **changes))
+    assert robot.status() == 'unknown' and reason in robot.state().reasons[0]
+    robot.monitor.update(robot.settings)
+    assert robot.status() == 'clear'
+
+
+def test_frame_in_which_a_map_was_sent_does_not_matter_for_the_next():
+    """Though /tf is silent, so that nothing else tells of frames."""
+    robot = map_robot(TF, ('odom', 'site', START, 50.0, 0.0))
+    robot.wait_until(2.0)
+    robot.stand(0)
+    robot.see(box(9), 2.0, 'odom', None)
+    assert 'too old' in ''.join(robot.state().reasons)
+    robot.see((), 2.0, 'odom', None)
+    assert robot.status() == 'clear'
+
+
 def test_mark_is_never_refused_for_its_frame():
     for frame in '', 'a' * 256, 'elsewhere':
         robot = Robot(SETS)

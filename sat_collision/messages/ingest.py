@@ -311,7 +311,7 @@ class Ingest:
     def follow_maps(self, now: int) -> None:
         """Place maps anew whose frames have moved; one whose frame is not known is not known."""
         for name, affines in self._followed.items():
-            fault, deadline = '', NEVER
+            limits: dict[str, tuple[str, float]] = {}
             timeout = round(self._scene.footprint_timeout(name) * 1e9) or NEVER
             frames = self._scene.map_frames(name)
             for frame_id in affines.keys() - frames:
@@ -319,15 +319,14 @@ class Ingest:
             for frame_id in frames:
                 found = self._lookup(self._scene.settings_of(name), frame_id, now, now)
                 if isinstance(found, NoTransform):
-                    fault = f'is a map in another frame: {found.detail}'
+                    limits[frame_id] = f'is a map in another frame: {found.detail}', NEVER
                     continue
-                if found.at is not None:
-                    deadline = min(deadline, found.at + timeout)
+                limits[frame_id] = '', NEVER if found.at is None else found.at + timeout
                 if found.affine != affines.get(frame_id):
                     affines[frame_id] = found.affine
                     self._scene.follow_frame(name, frame_id,
                                              partial(self._body_at, found.affine))
-            self._scene.limit_frames(name, fault, deadline)
+            self._scene.limit_frames(name, limits)
 
     def _body_at(self, affine: Affine2D, sent: tuple[str, Points]) -> PackedBody | None:
         """Return a body of a map in its frame as it is now, None if that is not valid."""

@@ -66,6 +66,11 @@ class ObstacleStore:
     def __iter__(self) -> Iterator[Obstacle]:
         return chain.from_iterable(self.groups)
 
+    @property
+    def frames(self) -> set[str]:
+        """The other frames in which obstacles of a map were sent."""
+        return set().union(*(group.frames for group in self.groups))
+
     def new_set(self) -> SetGroup:
         """Return a group for obstacles in order, a dropped one if there is any."""
         if not self._spare:

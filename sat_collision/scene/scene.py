@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import chain
 import math
 from typing import Any, NamedTuple
@@ -395,13 +395,13 @@ class Scene(SceneView):
 
     def map_frames(self, name: str) -> set[str]:
         """Return the other frames in which obstacles of a map were sent."""
-        return set().union(*(group.frames for group in self.sources[name].store.groups))
+        return self.sources[name].store.frames
 
-    def limit_frames(self, name: str, fault: str, deadline: float) -> None:
-        """Record why a frame of a map cannot be followed, or until when all can."""
+    def limit_frames(self, name: str, limits: Mapping[str, tuple[str, float]]) -> None:
+        """Record by frame of a map why it cannot be followed, or '' and until when it can."""
         source = self.sources[name]
-        if source.frame_limit != (fault, deadline):
-            source.frame_limit = fault, deadline
+        if source.frame_limits != limits:
+            source.frame_limits = {**limits}
             self._follow_up(source)
 
     def note_transforms(self, faults: tuple[str, ...]) -> None:

@@ -55,8 +55,9 @@ class Source:
         self.middleware = 'its middleware'
         # Why the source cannot be trusted, as sentences; empty if it can.
         self.faults: tuple[str, ...] = ()
-        # Why its frame cannot be followed, as the end of a sentence; empty if it can, until when.
-        self.frame_limit: tuple[str, float] = '', NEVER
+        # By frame of a map: why it cannot be followed, as the end of a sentence; empty if it can,
+        # until when.
+        self.frame_limits: dict[str, tuple[str, float]] = {}
         # The number in its queue of the first message that waits for its transform, NEVER if none
         # does. Obstacles that are queued behind it, in groups, each after its last one's number.
         self._first: float = NEVER
@@ -146,14 +147,16 @@ class Source:
     def deadline(self) -> float:
         """Time in ns after which something changes without a message."""
         return min(self.knowledge.deadline, self.stream.mixed_until, self.stream.again_until,
-                   self.frame_limit[1], *(group.oldest + self.timeout for group in self._former))
+                   *(until for _, until in self.frame_limits.values()),
+                   *(group.oldest + self.timeout for group in self._former))
 
     def pass_time(self, now: int) -> None:
         """Let time pass: drop obstacles that are too old."""
         self.stream.pass_time(now)
         self.knowledge.pass_time(now)
-        if self.frame_limit[1] < now:
-            self.frame_limit = _OLD_FRAME, NEVER
+        for frame_id, (_, until) in self.frame_limits.items():
+            if until < now:
+                self.frame_limits[frame_id] = _OLD_FRAME, NEVER
         for group in self._former:
             group.forget_before(now - self.timeout)
         self._drop_former()
@@ -167,9 +170,9 @@ class Source:
             self._count_from(now)
             self._begin_anew(now)
             self.knowledge.since = 'since the clock was set'
-        elif self.frame_limit[1] < NEVER:
-            # It is by the clock of before.
-            self.frame_limit = '', now - 1
+        # Those of its frames are by the clock of before.
+        self.frame_limits = {frame_id: (fault, now - 1 if until < NEVER else NEVER)
+                             for frame_id, (fault, until) in self.frame_limits.items()}
         self.pass_time(now)
 
     def update_publishers(self, endpoints: Sequence[Endpoint], now: int) -> None:
@@ -362,8 +365,9 @@ class Source:
                 if self._is_far:
                     problem = f'has stamps that are {BY_ANOTHER_CLOCK}'
                 words = ['; '.join((problem, *self.stream.hints(LOSS in problem)))]
-            if self.frame_limit[0]:
-                words.append(self.frame_limit[0])
+            if self.frame_limits:
+                words += sorted({fault for frame_id in self.store.frames
+                                 if (fault := self.frame_limits.get(frame_id, ('', NEVER))[0])})
             if self._first < NEVER and self.timeout == NEVER:
                 words.append('waits for the transform of a part of its map')
             number, refusal = self._early_refusal

@@ -53,15 +53,17 @@ def test_map_follows_its_frame():
 def test_map_in_a_frame_that_is_not_known_is_not_known(pass_by_time):
     """Its transform is past the footprint's timeout, or of a clock that went back since."""
     stage = with_robot(UNTIMED_LIDAR)
-    stage.send(10)
-    stage.scene.limit_frames('lidar', '', stage.stamp(5.0))
+    stage.scene.obstacle('lidar', Followed(square(10).packed, ('map2', 'points')), 'map',
+                         stage.now, stage.now, None, stage.number('lidar'))
+    stage.end()
+    stage.scene.limit_frames('lidar', {'map2': ('', stage.stamp(5.0))})
     stage.wait_until(5.0)
     assert status_and_reasons(stage) == ('clear', ())
     stage.wait_until(5.001 if pass_by_time else -5.0)
     stage.robot()
     assert status_and_reasons(stage) == (
         'unknown', (LIDAR_SAYS + 'is a map in a frame whose transform is too old',))
-    stage.scene.limit_frames('lidar', '', stage.stamp(60.0))
+    stage.scene.limit_frames('lidar', {'map2': ('', stage.stamp(60.0))})
     assert status_and_reasons(stage) == ('clear', ())
 
 

@@ -24,8 +24,8 @@ import numpy as np
 import pytest
 import sat_collision
 from sat_collision import (
-    contact, intersects, intersects_many, intersects_pairs, Polygon, PolygonError, PolygonSet,
-    Reason, separation, separations, time_of_contact)
+    contact, first_contact_along, intersects, intersects_many, intersects_pairs, Polygon,
+    PolygonError, PolygonSet, Reason, separation, separations, time_of_contact)
 
 shapely = pytest.importorskip('shapely')
 
@@ -201,6 +201,21 @@ def test_numbers_of_any_type_are_taken_as_doubles(number):
             assert use(number(2)) == use(2.0)
             with pytest.raises(ValueError, match='finite'):
                 use(10 ** 400 if number is Fraction else number('inf'))
+
+
+@pytest.mark.parametrize('value', [
+    '1.0', b'1', True, np.True_, 1j, None, [1.0], np.ma.masked, np.ma.masked_greater(1.0, 2.0)])
+def test_what_is_no_number_is_refused(value):
+    """By one rule, as coordinates are, whatever numpy or float() would make of it."""
+    obstacles = PolygonSet([[(1, 1)]])
+    for name, use in [
+            ('horizon', lambda: obstacles.first_contact([(0, 0)], (1, 0, 0.5), value)),
+            ('margin', lambda: obstacles.first_contact([(0, 0)], (1, 0, 0), 3.0, margin=value)),
+            ('tolerance', lambda: time_of_contact(SQUARE, SQUARE, [(4, 1)], [(3, 1)], value)),
+            ('margin', lambda: first_contact_along(SQUARE, [(0, 0, 0)], obstacles, value)),
+            ('margin', lambda: obstacles.rows_within(SQUARE, value))]:
+        with pytest.raises(ValueError, match=f'{name} .* has to be a number'):
+            use()
 
 
 @pytest.mark.parametrize('one', [Polygon(SQUARE), shapely.Polygon(SQUARE)])

@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 import enum
+import math
 from numbers import Number
 from operator import index
 from typing import Any, Protocol, TypeAlias
@@ -399,6 +400,21 @@ def doubles(array: NDArray[Any]) -> NDArray[np.float64]:
         raise OverflowError(f'beyond the largest double: {error}') from error
     except TypeError as error:  # complex numbers among others
         raise ValueError(f'not real numbers: {error}') from error
+
+
+def double(value: Any) -> float:
+    """
+    Return a number as a double, infinity beyond the largest one; NaN for what is no number.
+
+    What is one is decided as for `doubles`.
+    """
+    try:
+        array = array_of(value)
+        return math.nan if array.ndim else float(doubles(array))
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
+    except ValueError:
+        return math.nan
 
 
 def ends_of(offsets: Any, count: int) -> NDArray[np.int64]:

@@ -34,11 +34,11 @@ from numpy.typing import ArrayLike, NDArray
 from sat_collision.geometry.body.box_index import bounds_of_index, rows_near
 from sat_collision.geometry.body.layout import body_of, packed_polygon, rows_of
 from sat_collision.geometry.body.moving import MovingBody, parts_about
-from sat_collision.geometry.body.polygon import array_of, doubles
+from sat_collision.geometry.body.polygon import array_of, double, doubles
 from sat_collision.geometry.compiled.floating_point import require_nearest
 from sat_collision.geometry.compiled.jit import (
     beyond, elements, inlined, inner, kernel, scratch, scratch_integers)
-from sat_collision.geometry.motion.sweep import as_double, first_contact_of_moving, limits
+from sat_collision.geometry.motion.sweep import first_contact_of_moving, limits
 from sat_collision.geometry.numeric.ascending import contains
 from sat_collision.geometry.numeric.predicates import UNDERFLOW_BOUND
 from sat_collision.geometry.numeric.vectors import (
@@ -99,8 +99,10 @@ def motion_of(twist: ArrayLike, horizon: float, pose: ArrayLike, tolerance: floa
     """Return a `Motion` as an array; raise `ValueError` if a value is not valid."""
     vx, vy, turn = _finite(twist, 'twist', 'vx and vy in m/s, omega in rad/s').tolist()
     x, y, yaw = _finite(pose, 'pose', 'x and y in metres, yaw in rad').tolist()
-    if not horizon >= 0.0 or (horizon := as_double(horizon)) == math.inf:
-        raise ValueError(f'horizon {horizon}, but it has to be 0 or more seconds, and finite')
+    given, horizon = horizon, double(horizon)
+    if not 0.0 <= horizon < math.inf:
+        raise ValueError(
+            f'horizon {given}, but it has to be a number, 0 or more seconds, and finite')
     tolerance, margin = limits(tolerance, margin)
     _require_finite(max(abs(vx), abs(vy), abs(turn)), horizon)
     vx, vy, turn = (speed * horizon or math.copysign(LEAST if speed and horizon else 0.0, speed)

@@ -30,7 +30,7 @@ import math
 from numpy.typing import ArrayLike
 from sat_collision.geometry.body.moving import (
     boxes_stay_apart, moving_body, Part, relative, stays_apart, STRIDE)
-from sat_collision.geometry.body.polygon import coordinates, Polygon
+from sat_collision.geometry.body.polygon import coordinates, double, Polygon
 from sat_collision.geometry.compiled.jit import elements, inlined, inner, kernel
 from sat_collision.geometry.numeric.predicates import UNDERFLOW_BOUND
 from sat_collision.geometry.numeric.vectors import LEAST, nearest_of_segment
@@ -103,20 +103,13 @@ def time_of_contact(a0: ArrayLike, a1: ArrayLike, b0: ArrayLike, b1: ArrayLike,
 
 def limits(tolerance: float, margin: float) -> tuple[float, float]:
     """Return tolerance and margin as doubles; raise `ValueError` if they are not valid."""
-    if not tolerance > 0.0 or not 0.0 < as_double(tolerance) < math.inf:
-        raise ValueError(f'tolerance {tolerance}, but it has to be positive and finite')
-    if not margin >= 0.0 or as_double(margin) == math.inf:
-        raise ValueError(f'margin {margin}, but it has to be 0 or more, and finite')
     # A kernel is compiled again for an integer.
-    return as_double(tolerance), as_double(margin)
-
-
-def as_double(value: float) -> float:
-    """Return a number of any type as a double, infinity if it is beyond the largest one."""
-    try:
-        return float(value)
-    except OverflowError:
-        return math.inf
+    limit, apart = double(tolerance), double(margin)
+    if not 0.0 < limit < math.inf:
+        raise ValueError(f'tolerance {tolerance}, but it has to be a number, positive and finite')
+    if not 0.0 <= apart < math.inf:
+        raise ValueError(f'margin {margin}, but it has to be a number, 0 or more, and finite')
+    return limit, apart
 
 
 @kernel

@@ -24,8 +24,8 @@ from sat_collision.geometry.body.layout import (
     new_array, packed_size, packed_sizes, slices_of, USED, value_of, views_of)
 from sat_collision.geometry.body.packing import DOUBLE, PAIR
 from sat_collision.geometry.body.polygon import (
-    as_polygon, BodyLike, coordinates, ends_of, is_geometry, MAX_VERTICES, PackedBody, Polygon,
-    PolygonError, Reason, size_of, UNMOVED)
+    as_polygon, BodyLike, coordinates, double, ends_of, is_geometry, MAX_VERTICES, PackedBody,
+    Polygon, PolygonError, Reason, size_of, UNMOVED)
 from sat_collision.geometry.compiled.jit import COMPILED, indexable
 from sat_collision.geometry.motion.prediction import first_row_met, motion_of, ways_of
 from sat_collision.geometry.pair.separating_axis import MEET
@@ -399,9 +399,10 @@ class PolygonSet:
         array([0])
 
         """
-        if not margin >= 0.0:
-            raise ValueError(f'margin {margin}, but it has to be 0 or more')
-        return rows_within(*self._snapshot(), as_polygon(body), float(margin))
+        apart = double(margin)
+        if not apart >= 0.0:
+            raise ValueError(f'margin {margin}, but it has to be a number, 0 or more')
+        return rows_within(*self._snapshot(), as_polygon(body), apart)
 
     def nearest(self, body: BodyLike, skipped: Iterable[int] = ()
                 ) -> tuple[int, float, Point, Point] | None:

@@ -112,13 +112,10 @@ class Outputs:
         self._marker_message = b''
         # Whether that message is up to date; must be unset when a body has changed.
         self.markers_current = False
-        # Whether distances are measured. If not, states say so, and neither contacts nor markers
-        # are published.
-        self.measures = self._states.is_measured = measures
+        # Whether distances are measured; may be set later. If not, states say so, and neither
+        # contacts nor markers are published.
+        self.measures = measures
         self.configure(settings)
-
-    def begin_measuring(self) -> None:
-        self.measures = self._states.is_measured = True
 
     def configure(self, settings: Settings) -> None:
         """Apply settings, which may change the meaning of every flag."""
@@ -198,8 +195,8 @@ class Outputs:
                 self._times[name].publish(_number(prediction.seconds) if prediction and
                                           prediction.is_known else _UNKNOWN)
             if self._with_states:
-                self._states.write(
-                    name, scene.state(name), coordinate_step(scene.polygon(name)), prediction)
+                self._states.write(name, scene.state(name), coordinate_step(scene.polygon(name)),
+                                   prediction, self.measures)
                 self._states.write_moving(name, scene, nearest, prediction)
                 self._states.pack(name)
             if is_named and self.measures and name in self._clouded:

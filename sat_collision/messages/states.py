@@ -62,8 +62,6 @@ class States:
 
     def __init__(self, node_name: str, settings: Settings, moving: bool = True) -> None:
         self.settings = settings
-        # False while no distances can be measured yet, which is then part of the states.
-        self.is_measured = True
         sources = [f'source {one.name}' for one in settings.obstacles]
         keys = ('state', 'obstacles in contact', *((*_MOVING, *sources) if moving else ()),
                 'reason')
@@ -78,8 +76,12 @@ class States:
             self.write(name, scene.state(name), coordinate_step(scene.polygon(name)))
 
     def write(self, name: str, state: State, step: float,
-              prediction: Prediction | None = None) -> None:
-        """Write a footprint's state; `step` is the float32 step of its coordinates, m."""
+              prediction: Prediction | None = None, is_measured: bool = True) -> None:
+        """
+        Write a footprint's state; `step` is the float32 step of its coordinates, m.
+
+        That no distances can be measured yet is part of it.
+        """
         coarse = step > self.settings.resolution
         status = self._statuses[name]
         status.level = _LEVELS[state.status]
@@ -91,7 +93,7 @@ class States:
                 f'; its coordinates have steps of {step:.2g} m, coarser than the resolution of '
                 f'{self.settings.resolution:g} m: publish in a frame with a nearer origin')
         reasons = list(state.reasons)
-        if not self.is_measured and state.status is not Status.UNKNOWN:
+        if not is_measured and state.status is not Status.UNKNOWN:
             status.message += f'; {_NOT_MEASURED}'
             reasons.append(_NOT_MEASURED)
         word, contacts, *_, reason = status.values

@@ -300,7 +300,7 @@ class FootprintMonitor(Node):
             self._report_unknown()
         self._scene.stop_clock(self._clock_fault(now, steady) if self._is_simulated else '')
         if not self._outputs.measures and self._preparation.is_complete():
-            self._outputs.begin_measuring()
+            self._outputs.measures = True
 
     def _clock_fault(self, now: int, steady: float) -> str:
         """Return why simulated time cannot be trusted, empty if it can."""

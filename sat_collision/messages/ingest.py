@@ -38,6 +38,7 @@ from sat_collision.scene.settings import (
 from sat_collision.scene.velocity import Velocity
 
 _NO_ENDS = indexable(np.empty(0, np.int64))
+_NO_POINTS: Points = (b'', 0, 0, TRIPLE)
 
 _DECODERS: dict[str, Callable[[bytes], tuple[int, str, Any, int | None]]] = {
     POLYGON: partial(decode, instance=False), POLYGON_2D: decode_polygon_2d,
@@ -80,6 +81,8 @@ class Placement(NamedTuple):
     # the last whole listing, 0 for none.
     listing: int = 0
     last_whole: int = 0
+    # Of a map in another frame: that frame. Without points: it has moved, by now to `affine`.
+    sent_in: str = ''
 
     @property
     def is_empty(self) -> bool:
@@ -227,7 +230,8 @@ class Ingest:
                     kept = np.delete(np.asarray(spans).reshape(-1, 2), [k for k, _ in refused], 0)
                     points = data, kept.ravel(), in_one, step
                 self._placements.append(Placement(
-                    name, stamp or now, frame_id, points, affine, instance, *scene.joined(name)))
+                    name, stamp or now, frame_id, points, affine, instance, *scene.joined(name),
+                    followed))
             if refused:
                 k, problem = refused[0]
                 return Rejection(name, settings.topic, problem.reason.value,
@@ -326,6 +330,10 @@ class Ingest:
                     affines[frame_id] = found.affine
                     self._scene.follow_frame(name, frame_id,
                                              partial(self._body_at, found.affine))
+                    if self._placements is not None:
+                        self._placements.append(Placement(
+                            name, now, self._fixed, _NO_POINTS, found.affine, None,
+                            sent_in=frame_id))
             self._scene.limit_frames(name, limits)
 
     def _body_at(self, affine: Affine2D, sent: tuple[str, Points]) -> PackedBody | None:

@@ -12,9 +12,10 @@
 import math
 from random import Random
 
-from builders import odometry, SECOND, serialised, transforms
+from builders import collection, odometry, SECOND, serialised, transforms
 import pytest
-from recordings import box, check, declared, MARKS, nanoseconds, SOURCE, STAMPS, write
+from recordings import (
+    box, check, COLLECTION, declared, INSTANCE, MARKS, nanoseconds, SOURCE, STAMPS, write)
 from sat_collision.replay.model.configuration import settings_of
 from sat_collision.replay.model.result import HEADER, Options, Verdict
 from sat_collision.scene.parameters import ParameterError
@@ -263,6 +264,36 @@ def test_map_is_unknown_once_its_frame_is_too_old(tmp_path, as_live):
         'frame_id': 'odom', f'{SOURCE}.timeout': 0.0, **declared(MARKS)}))
     assert [(seconds(one.first), seconds(one.last)) for one in result.unknown if (
         'transform is too old' in one.reasons[0])] == [(1.000000001, 1.9)]
+
+
+@pytest.mark.parametrize('as_live', [False, True])
+@pytest.mark.parametrize('kind', ['polygons', 'ids', 'collections'])
+def test_map_moves_with_its_frame(tmp_path, kind, as_live):
+    """It touches from 2 to 3 s, and again from 4.5 s on, as a map in the fixed frame."""
+    def see(time, points, frame_id):
+        stamp, number = nanoseconds(time), {'site': 1, 'odom': 2}[frame_id]
+        return '/obstacles', time, (
+            collection([points] if points else [], stamp, frame_id) if kind == 'collections' else
+            serialised(points, stamp, frame_id, number if kind == 'ids' else None))
+
+    ends = [] if kind == 'collections' else [()]
+    messages = [see(time, points, frame_id) for time, frame_id, x in (
+        (0.15, 'site', 0), (2.5, 'site', 0), (4.5, 'odom', 0.5)) for points in (box(x), *ends)]
+    for k in range(50):
+        time = k / 10
+        messages += [('/tf', time, transforms(
+            ('odom', 'site', nanoseconds(time), 0.5 if 2 <= time < 3 else 10.0, 0.0))),
+            ('/footprint', time, serialised(box(0), nanoseconds(time), 'odom'))]
+    messages.sort(key=lambda message: message[1])
+    types = {'ids': INSTANCE, 'collections': COLLECTION}
+    bag = write(tmp_path / 'bag', messages, latched=['/obstacles'], types={
+        **TYPES, **({'/obstacles': types[kind]} if kind in types else {})})
+    result = check(bag, Options(as_live=as_live, obstacles=[f'{SOURCE}:=/obstacles'], parameters={
+        'frame_id': 'odom', f'{SOURCE}.timeout': 0.0, **(
+            declared(MARKS) if ends else {f'{SOURCE}.type': 'polygon_collection'})}))
+    assert result.problems == []
+    assert [(seconds(one.first), seconds(one.last)) for one in result.contacts] == [
+        (2.0, pytest.approx(3.0, abs=1e-6)), (4.5, pytest.approx(4.9, abs=1e-2))]
 
 
 def test_invalid_outline_is_bad_input(tmp_path):

@@ -281,14 +281,22 @@ class SetTracker(Tracker):
         return [motion_between(last, seen, rows[:found], next_rows[:found])] if found else []
 
 
+def _shape_of(placement: Placement) -> tuple[bytes, object, str]:
+    return placement.shape, placement.affine, placement.sent_in
+
+
 class _LastSample(NamedTuple):
-    """A body in its group, its listing, when it was received, and until when it has stood."""
+    """A body in its group, its placement, when it was received, and until when it has stood."""
 
     bodies: Bodies
     row: int
-    listing: int
+    sent: Placement
     seen_at: int
     stamp: int
+
+    @property
+    def listing(self) -> int:
+        return self.sent.listing
 
 
 class KeyTracker(Tracker):
@@ -305,7 +313,7 @@ class KeyTracker(Tracker):
         # The group of bodies that is being received, which ends before any of them may be gone.
         self._pending: dict[ObstacleId, Placement] = {}
         self._together = min(_TOGETHER, self._longest)
-        self._shapes: dict[tuple[bytes, object], ObstacleId] = {}
+        self._shapes: dict[tuple[bytes, object, str], ObstacleId] = {}
         self._numbers = count(1)
         self._first_stamp = self._rested = self._now = 0
         # The stamps of all messages of that group, and the last one before it.
@@ -325,6 +333,9 @@ class KeyTracker(Tracker):
         if self._timeout == NEVER:
             # It may be stamped long before it was received, again and again.
             placement = placement._replace(stamp=max(placement.stamp, self._now))
+        if placement.sent_in and placement.is_empty:
+            self._move(placement)
+            return
         if placement.listing != self._listing or not (placement.listing or (
                 placement.stamp == self._stamp)):
             self._place = 0
@@ -373,13 +384,25 @@ class KeyTracker(Tracker):
             if name.number and not placement.listing:
                 self._beside.add(name)
             return name
-        key = placement.shape, placement.affine
+        key = _shape_of(placement)
         if key not in self._shapes:
             if len(self._shapes) > 2 * len(self._seen) + len(self._pending) + _MAX_FORGOTTEN:
                 self._shapes = {key: name for key, name in self._shapes.items()
                                 if name in self._seen or name in self._pending}
             self._shapes[key] = ObstacleId(self.name, self._place, next(self._numbers))
         return self._shapes[key]
+
+    def _move(self, frame: Placement) -> None:
+        """Let the bodies of a map that were sent in a frame be where that is from now on."""
+        self._close()
+        for name, last in self._seen.items():
+            if last.sent.sent_in == frame.sent_in:
+                one = last.sent._replace(stamp=frame.stamp, affine=frame.affine)
+                self._pending[name] = one
+                if not one.instance:
+                    self._shapes.pop(_shape_of(last.sent), None)
+                    self._shapes[_shape_of(one)] = name
+        self._close(jumps=True)
 
     def _stand(self, now: int, least: int, is_over: bool = False,
                replaced: Set[ObstacleId] = frozenset(), times: Sequence[int] = ()) -> None:
@@ -393,7 +416,7 @@ class KeyTracker(Tracker):
         gone = []
         items = self._seen.items()
         old = takewhile(lambda item: item[1].seen_at < now - least, items)
-        for name, (bodies, row, listing, seen_at, stamp) in list(
+        for name, (bodies, row, sent, seen_at, stamp) in list(
                 items if replaced or is_over else old):
             over, is_forgotten = self._end_of(seen_at, times)
             is_forgotten = is_forgotten or over < now or name in replaced
@@ -404,7 +427,7 @@ class KeyTracker(Tracker):
             end = round(min(now, over))
             if end > stamp:
                 standing[bodies][row] = end
-            if name.number > 0 and not listing and (is_forgotten or is_over):
+            if name.number > 0 and not sent.listing and (is_forgotten or is_over):
                 # The first new one since may be the same, elsewhere.
                 k = bisect_right(self._appeared, seen_at)
                 if k < len(self._appeared):
@@ -430,8 +453,12 @@ class KeyTracker(Tracker):
         silent = max(seen_at, times[k - 1] if k else self._heard or 0) + self._timeout
         return (min(times[k], silent), True) if k < len(times) else (silent, False)
 
-    def _close(self) -> None:
-        """End the group that is being received, and match its bodies to where they were last."""
+    def _close(self, jumps: bool = False) -> None:
+        """
+        End the group that is being received, and match its bodies to where they were last.
+
+        If it jumps, they stood there until then.
+        """
         times, self._times = sorted(self._times), []
         if times:
             self._stand(times[-1], self._longest, times=times)
@@ -452,19 +479,19 @@ class KeyTracker(Tracker):
                 zip(seen.names, placements, seen.stamps.tolist())):
             last = self._seen.pop(name, None)
             if last is not None:
-                if 0 < stamp - last.seen_at <= self._longest and (
+                if not jumps and 0 < stamp - last.seen_at <= self._longest and (
                         last.bodies.rings[last.row, COUNT] == seen.rings[row, COUNT]):
                     followed[last.bodies].append((last.row, row))
                 else:
                     over = round(min(stamp, last.seen_at + self._timeout))
                     if last.stamp < over:
                         standing[last.bodies][last.row] = over
-                    if last.seen_at < stamp and not np.array_equal(
+                    if not jumps and last.seen_at < stamp and not np.array_equal(
                             last.bodies.ring(last.row), seen.ring(row)):
                         self._miss(last.seen_at, stamp)
             elif name.number > 0 and not one.listing and not self._is_first:
                 insort(self._appeared, stamp)
-            self._seen[name] = _LastSample(seen, row, one.listing, stamp, stamp)
+            self._seen[name] = _LastSample(seen, row, one, stamp, stamp)
         gone = []
         for name in self._beside.difference(pending):
             newer, last = pending.get(name._replace(number=0)), self._seen.get(name)

@@ -165,6 +165,18 @@ def test_obstacle_that_was_queued_is_not_held_beside_itself(robot):
     assert robot.status() == 'clear'
 
 
+def test_obstacle_that_was_refused_does_not_count_while_later_ones_wait(robot):
+    """Its transform comes after its wait has ended, when one behind it still waits."""
+    robot.wait_until(1.1)
+    robot.see([(0.2, 1.4), (0.4, 1.4), (0.4, 1.8), (0.2, 1.8)], 1.1)  # on the robot
+    robot.wait_until(1.25)
+    robot.see(box(9), 1.25, 'camera', 2)
+    robot.wait_until(1.35)
+    robot.move(1.35)
+    assert (len(robot.rejections), robot.monitor.waiting.counts()) == (1, {'lidar': 1})
+    assert (robot.seen, robot.status()) == ([], 'unknown')
+
+
 def test_obstacles_that_count_while_queued_are_bounded(robot):
     """By max_count, 5; beyond it the source is unknown until they were received."""
     robot.wait_until(1.05)

@@ -32,7 +32,6 @@ from sat_collision.scene.scene import Scene
 
 # Least x and y, greatest x and y.
 Box: TypeAlias = tuple[float, float, float, float]
-_Body: TypeAlias = 'str | ObstacleId'
 _Colour: TypeAlias = tuple[float, ...]
 
 _GREEN = (0.1, 0.7, 0.2)
@@ -107,7 +106,7 @@ class Markers:
     """
 
     def __init__(self) -> None:
-        self._shapes: dict[_Body, _Shape] = {}
+        self._shapes: dict[int, _Shape] = {}  # by the id of the polygon
 
     def message(self, scene: Scene) -> Any:
         """Return the markers of a scene, made anew only where a polygon is new."""
@@ -118,14 +117,15 @@ class Markers:
         self._markers[0].header.frame_id = scene.frame_id
         footprints = dict(scene.footprints)
         nearest = scene.nearest_obstacles(MAX_DRAWN)
-        obstacles = dict(nearest)
-        bodies = chain[tuple[_Body, Polygon]](footprints.items(), obstacles.items())
-        self._shapes = {body: self._shape(body, polygon) for body, polygon in bodies}
+        polygons = chain(footprints.values(), (polygon for _, polygon in nearest))
+        self._shapes = {id(polygon): self._shape(polygon) for polygon in polygons}
+        self._footprints = footprints
         states = {name: scene.state(name) for name in footprints}
         for name, state in states.items():
-            self._draw(name, 0, _COLOURS[state.status], 0.6, [name])
-        self._draw_obstacles(obstacles, {obstacle for state in states.values()
-                                         for obstacle in state.contacts})
+            self._draw(name, 0, _COLOURS[state.status], 0.6, [footprints[name]])
+        contacts = [contact for name, state in states.items()
+                    if state.status is Status.COLLISION for contact in scene.contacts(name)]
+        self._draw_obstacles(nearest, {id(polygon) for _, _, polygon in contacts})
         known = [name for name, state in states.items() if state.status is not Status.UNKNOWN]
         self._draw_nearest(scene, known)
         for name in known:
@@ -137,27 +137,25 @@ class Markers:
         if len(nearest) == MAX_DRAWN:
             self._write('limit/text', _AMBER, next(iter(self._shapes.values())).polygon.bounds,
                         f'the {MAX_DRAWN} nearest obstacles are drawn')
-        self._draw_contacts(contact for name, state in states.items()
-                            if state.status is Status.COLLISION
-                            for contact in scene.contacts(name))
+        self._draw_contacts(contacts)
         return MarkerArray(markers=self._markers)
 
-    def _shape(self, body: _Body, polygon: Polygon) -> _Shape:
-        shape = self._shapes.get(body)
+    def _shape(self, polygon: Polygon) -> _Shape:
+        shape = self._shapes.get(id(polygon))
         return shape if shape and shape.polygon is polygon else _Shape.of(polygon)
 
-    def _draw_obstacles(self, obstacles: Iterable[ObstacleId],
-                        touched: set[ObstacleId]) -> None:
-        groups: dict[tuple[str, bool], list[ObstacleId]] = {}
-        for obstacle in obstacles:
-            groups.setdefault((obstacle.source, obstacle in touched), []).append(obstacle)
+    def _draw_obstacles(self, obstacles: Iterable[tuple[ObstacleId, Polygon]],
+                        touched: set[int]) -> None:
+        groups: dict[tuple[str, bool], list[Polygon]] = {}
+        for obstacle, polygon in obstacles:
+            groups.setdefault((obstacle.source, id(polygon) in touched), []).append(polygon)
         for (source, touching), group in groups.items():
             self._draw(source, int(touching), _RED if touching else _SLATE, 0.4, group)
 
     def _draw(self, name: str, number: int, colour: _Colour, opacity: float,
-              bodies: Iterable[_Body]) -> None:
+              polygons: Iterable[Polygon]) -> None:
         """Draw the bodies of one name and colour."""
-        shapes = [self._shapes[body] for body in bodies]
+        shapes = [self._shapes[id(polygon)] for polygon in polygons]
         self._add(f'{name}/fill', number, _FILL, (*colour, opacity),
                   [point for shape in shapes for point in shape.triangles])
         self._add(f'{name}/outline', number, _OUTLINE, colour,
@@ -172,8 +170,7 @@ class Markers:
             text += f': {in_words(state, margin)}'
         elif state.status is not Status.CLEAR:
             text += f': {state.status.value}'
-        self._write(f'{name}/name', _COLOURS[state.status], self._shapes[name].polygon.bounds,
-                    text)
+        self._write(f'{name}/name', _COLOURS[state.status], self._footprints[name].bounds, text)
 
     def _draw_contacts(self, contacts: Iterable[tuple[ObstacleId, Polygon, Polygon]]) -> None:
         pairs = [(own, other) for _, own, other in islice(contacts, MAX_CONTACTS)]
@@ -196,7 +193,7 @@ class Markers:
         name, obstacle, distance, on_obstacle, on_footprint, _ = min(pairs, key=itemgetter(2))
         ends = np.array([on_footprint, on_obstacle])
         gap = ends[1] - ends[0]
-        min_x, min_y, max_x, max_y = self._shapes[name].polygon.bounds
+        min_x, min_y, max_x, max_y = self._footprints[name].bounds
         length = np.hypot(*gap) or 1.0  # bodies apart by less than the points' rounding
         beyond = gap / length * max(0.5 * np.hypot(max_x - min_x, max_y - min_y), _TEXT)
         axis = np.array([ends[0] - beyond, ends[1] + beyond])
@@ -210,7 +207,7 @@ class Markers:
         if not (prediction and prediction.is_known and prediction.velocity
                 and 0.0 < prediction.seconds < math.inf):
             return
-        vertices = self._shapes[name].polygon.vertices
+        vertices = self._footprints[name].vertices
         rings = np.stack([
             prediction.velocity.carry(vertices, prediction.duration * k / _PLACES_AHEAD)
             for k in range(1, _PLACES_AHEAD + 1)])

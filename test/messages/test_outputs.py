@@ -404,6 +404,17 @@ def test_removed_bodies_are_not_drawn(scene):
     assert drawn(scene, markers) == {}
 
 
+def test_obstacles_of_one_name_are_all_drawn(scene):
+    """Those of a set that is not whole yet, beside that of the set before, which touches."""
+    place(scene, 'a', box(0, 0))
+    place(scene, 'map', box(0.5, 0))
+    end(scene)
+    place(scene, 'map', box(7, 7))
+    markers = drawn(scene)
+    assert [len(markers['map/outline', touching].points) for touching in (0, 1)] == [8, 8]
+    assert {point.x for point in markers['map/outline', 0].points} == {7, 8}
+
+
 def test_only_the_nearest_of_very_many_obstacles_are_drawn(scene):
     """Drawing all of them would hold up the flags; a text says so."""
     place(scene, 'a', box(1000, 0))

@@ -49,6 +49,8 @@ _TEXT = 0.25
 _PLACES_AHEAD = 8
 # For how many periods markers are shown, so that a dead monitor leaves no green robot.
 _PERIODS = 3
+# The id of what is drawn of pairs, which no body has: bodies may be called contacts or nearest.
+_OF_PAIRS = 2
 # Max obstacles whose contacts are drawn or published, as each costs time.
 MAX_CONTACTS = 50
 # Max obstacles drawn, as drawing must not hold up the flags.
@@ -181,8 +183,8 @@ class Markers:
                                          for p in _points(mark)]),
                 ('points', _SPOTS, [p for mark in marks if len(mark) == 1
                                     for p in _points(mark)])):
-            self._add(f'contacts/{ns}', 0, style, _MAROON, points)
-        self._add('contacts/normals', 0, _NORMALS, _AMBER, [
+            self._add(f'contacts/{ns}', _OF_PAIRS, style, _MAROON, points)
+        self._add('contacts/normals', _OF_PAIRS, _NORMALS, _AMBER, [
             end for own, other in pairs for end in _points(_normals(own, other))])
 
     def _draw_nearest(self, scene: Scene, names: list[str]) -> None:
@@ -197,8 +199,8 @@ class Markers:
         length = np.hypot(*gap) or 1.0  # bodies apart by less than the points' rounding
         beyond = gap / length * max(0.5 * np.hypot(max_x - min_x, max_y - min_y), _TEXT)
         axis = np.array([ends[0] - beyond, ends[1] + beyond])
-        self._add('nearest/axis', 0, _AXIS, _AMBER, _points(axis))
-        self._add('nearest/points', 0, _CLOSEST, _AMBER, _points(ends))
+        self._add('nearest/axis', _OF_PAIRS, _AXIS, _AMBER, _points(axis))
+        self._add('nearest/points', _OF_PAIRS, _CLOSEST, _AMBER, _points(ends))
         self._write('nearest/distance', _AMBER, (*ends.min(0).tolist(), *ends.max(0).tolist()),
                     f'{name} - {obstacle}: {distance:.3g} m')
 

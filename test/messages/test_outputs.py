@@ -334,14 +334,14 @@ def test_contacts_are_marked_and_named(scene):
     place(scene, 'map', [(0, -1), (0, 1)])
     place(scene, 'people', [(0.5, 0.5)])
     markers = drawn(scene)
-    regions = xy(markers['contacts/regions', 0]).reshape(-1, 3, 2)
+    regions = xy(markers['contacts/regions', 2]).reshape(-1, 3, 2)
     shared = shapely.union_all([shapely.box(1, 1, 2, 2), shapely.box(5, 1, 6, 2)])
     assert shapely.union_all(shapely.polygons(regions)).equals(shared)
-    assert sorted(xy(markers['contacts/segments', 0]).tolist()) == [[0, 0], [0, 1]]
-    assert xy(markers['contacts/points', 0]).tolist() == [[0.5, 0.5]]
+    assert sorted(xy(markers['contacts/segments', 2]).tolist()) == [[0, 0], [0, 1]]
+    assert xy(markers['contacts/points', 2]).tolist() == [[0.5, 0.5]]
     assert markers['a/name', 0].text == 'a: in contact with map/0, map/1, people/0'
     assert markers['b/name', 0].text == 'b: in contact with map/0'
-    assert ('nearest/axis', 0) in markers, 'b and people are apart'
+    assert ('nearest/axis', 2) in markers, 'b and people are apart'
 
 
 def test_labels_of_footprints(scene):
@@ -366,9 +366,9 @@ def test_nearest_pair_and_its_axis(scene):
     end(scene)
     end(scene, 'people')
     markers = drawn(scene)
-    assert xy(markers['nearest/points', 0])[:, 0].tolist() == [1, 3]
+    assert xy(markers['nearest/points', 2])[:, 0].tolist() == [1, 3]
     assert markers['nearest/distance', 0].text == 'a - map/0: 2 m'
-    left, right = xy(markers['nearest/axis', 0])
+    left, right = xy(markers['nearest/axis', 2])
     assert left[1] == right[1] and left[0] < 1 and right[0] > 3
     place(scene, 'people', box(0, 21.5), 2 * SECOND)
     end(scene, 'people', 2 * SECOND)
@@ -380,13 +380,13 @@ def test_pairs_in_contact_and_unknown_footprints_have_no_axis(scene):
     for k, x in enumerate((1, 0.5), 1):
         place(scene, 'map', box(x, 0), k * SECOND)
         end(scene, stamp=k * SECOND)
-        assert ('nearest/axis', 0) not in drawn(scene)
+        assert ('nearest/axis', 2) not in drawn(scene)
     place(scene, 'map', box(3, 0), 3 * SECOND)
     end(scene, stamp=3 * SECOND)
     end(scene, 'people')
-    assert ('nearest/axis', 0) in drawn(scene)
+    assert ('nearest/axis', 2) in drawn(scene)
     scene.refuse('people', 'not finite', 9 * SECOND, 9 * SECOND)
-    assert ('nearest/axis', 0) not in drawn(scene)
+    assert ('nearest/axis', 2) not in drawn(scene)
 
 
 def test_removed_bodies_are_not_drawn(scene):
@@ -413,6 +413,19 @@ def test_obstacles_of_one_name_are_all_drawn(scene):
     markers = drawn(scene)
     assert [len(markers['map/outline', touching].points) for touching in (0, 1)] == [8, 8]
     assert {point.x for point in markers['map/outline', 0].points} == {7, 8}
+
+
+def test_bodies_may_be_called_as_what_is_drawn_of_pairs():
+    """Points, each of which is one: `drawn` finds that no marker replaces another."""
+    scene = Scene(Settings(
+        tuple(FootprintSettings(name, f'/{name}', timeout=0.0) for name in ('nearest', 'limit')),
+        (ObstacleSettings('contacts', '/contacts', timeout=100.0, set_end='each_message'),)))
+    for name, stamp in (('nearest', 0), ('limit', 2)):
+        scene.footprint(name, Polygon([(stamp, 0)]).packed, 'map', SECOND, 9 * SECOND)
+    scene.obstacle('contacts', Polygon([(0, 0)]).packed, 'map', SECOND, 9 * SECOND, number=1)
+    markers = drawn(scene)
+    assert {('contacts/points', 1), ('contacts/points', 2), ('nearest/points', 0),
+            ('nearest/points', 2)} <= markers.keys()
 
 
 def test_only_the_nearest_of_very_many_obstacles_are_drawn(scene):

@@ -26,7 +26,8 @@ from sat_collision.scene.settings import (
     FootprintSettings, NEW_STAMP, NONE, ObstacleSettings, POLYGON_COLLECTION, POLYGON_INSTANCE,
     Settings, Spec, specs, TF)
 
-_LISTS = {'footprints': DEFAULT_FOOTPRINT, 'obstacles': DEFAULT_SOURCE}
+# By the parameters that list names.
+DEFAULT_NAMES = {'footprints': DEFAULT_FOOTPRINT, 'obstacles': DEFAULT_SOURCE}
 # Parameters that every node of rclpy has.
 _OF_EVERY_NODE = ('qos_overrides', 'start_type_description_service', 'use_sim_time')
 _SEND_ENDS = (f'write set_end: {EMPTY_POLYGON}, and send an empty polygon after the last '
@@ -65,7 +66,8 @@ def declare_parameters(
     """
     monitor = specs(Settings)
     footprints, obstacles = (
-        list(declare(name, [default], monitor.pop(name)[1])) for name, default in _LISTS.items())
+        list(declare(name, [default], monitor.pop(name)[1]))
+        for name, default in DEFAULT_NAMES.items())
     _check_names(footprints, obstacles)
     for name, (default, spec) in monitor.items():
         declare(name, default, spec)
@@ -169,7 +171,7 @@ def read_settings(footprints: Iterable[str], obstacles: Iterable[str],
         footprints=tuple(map(footprint, footprints)),
         obstacles=tuple(ObstacleSettings(name=name, **values(ObstacleSettings, name))
                         for name in sources),
-        **{name: value(name) for name in specs(Settings) if name not in _LISTS})
+        **{name: value(name) for name in specs(Settings) if name not in DEFAULT_NAMES})
     for source in settings.obstacles:
         if source.moving and source.type != POLYGON_INSTANCE:
             raise ParameterError(f'{source.name}.moving: only ids tell which obstacle has moved: '

@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields
 from difflib import get_close_matches
+from functools import partial
 import math
 from pathlib import Path
 import re
@@ -22,11 +23,11 @@ from typing import Any, TypeAlias
 from sat_collision.extras import in_one_line
 from sat_collision.replay.model.result import NODE
 from sat_collision.scene.parameters import (
-    check_names_given, declare_parameters, is_name_of, ParameterError, parameters_by_node,
-    read_settings, type_problem, without_value)
+    check_names_given, declare_parameters, DEFAULT_NAMES, is_name_of, ParameterError,
+    parameters_by_node, read_settings, type_problem, without_value)
 from sat_collision.scene.settings import (
     CommandSettings, FootprintSettings, ObstacleSettings, PathSettings, POLYGON, POLYGON_2D,
-    POLYGON_COLLECTION, POLYGON_INSTANCE, Settings, Spec)
+    POLYGON_COLLECTION, POLYGON_INSTANCE, Settings, Spec, TF)
 import yaml
 
 Source: TypeAlias = FootprintSettings | ObstacleSettings | CommandSettings | PathSettings
@@ -108,22 +109,28 @@ def settings_of(parameters: Mapping[str, Any], node: str = NODE,
 
     Unless they are complete, parameters of sources not named yet are ignored.
     """
+    names, values = _declared(parameters)
+    check_names_given([name for name in parameters if is_complete or '.' not in name], values)
+    return read_settings(names['footprints'], names['obstacles'], values.__getitem__,
+                         partial(_resolved, node))
+
+
+def _declared(parameters: Mapping[str, Any]) -> tuple[dict[str, list[str]], dict[str, Any]]:
+    """Return the names in footprints and obstacles, and the values of all their parameters."""
     values: dict[str, Any] = {}
 
     def declare(name: str, default: Any, spec: Spec) -> Any:
         values[name] = _checked(name, parameters.get(name, default), default, spec)
         return values[name]
+    return dict(zip(DEFAULT_NAMES, declare_parameters(declare))), values
 
-    def resolve(topic: str) -> str:
-        if not _TOPIC.fullmatch(topic):
-            raise ValueError(f"'{topic}' is not a valid topic name")
-        if topic.startswith('~'):
-            return node + topic[1:]
-        return topic if topic.startswith('/') else f'{node.rpartition("/")[0]}/{topic}'
 
-    footprints, obstacles = declare_parameters(declare)
-    check_names_given([name for name in parameters if is_complete or '.' not in name], values)
-    return read_settings(footprints, obstacles, values.__getitem__, resolve)
+def _resolved(node: str, topic: str) -> str:
+    if not _TOPIC.fullmatch(topic):
+        raise ValueError(f"'{topic}' is not a valid topic name")
+    if topic.startswith('~'):
+        return node + topic[1:]
+    return topic if topic.startswith('/') else f'{node.rpartition("/")[0]}/{topic}'
 
 
 def _flat(values: Mapping[str, Any], prefix: str = '') -> Iterator[tuple[str, Any]]:
@@ -162,37 +169,38 @@ def settings_for(types: Mapping[str, str], parameters: Mapping[str, object],
     its name, and the only other topic. If it is ambiguous a ParameterError lists the candidates.
     A kind for which no topic is found keeps the default, and receives nothing.
     """
-    default = settings_of({}, node)
-    defaults: dict[str, Source] = {'footprints': default.footprints[0],
-                                   'obstacles': default.obstacles[0]}
     values = dict(parameters)
-
-    def settings_so_far() -> Settings:
-        # Whether obstacles may move is a matter of the type, which the recording may tell.
-        return settings_of({name: value for name, value in values.items()
-                            if not name.endswith('.moving')}, node, False)
-    for kind, topics in (('footprints', footprints), ('obstacles', obstacles)):
-        if topics:
-            values.update(_named(kind, topics, defaults[kind].name))
+    for kind, given in zip(DEFAULT_NAMES, (footprints, obstacles)):
+        if given:
+            values.update(_named(kind, given))
     polygons = {topic: _KINDS[kind] for topic, kind in types.items() if kind in _KINDS}
-    said = [kind for kind, source in defaults.items()
-            if kind in values or f'{source.name}.topic' in values or source.topic in polygons
-            or values.keys() & {f'{source.name}.points', f'{source.name}.radius'}]
-    settings = settings_so_far()
-    taken = {source.topic for kind in said for source in getattr(settings, kind)}
+    topics = _topics(values, node)
+    said = [kind for kind, name in DEFAULT_NAMES.items()
+            if kind in values or topics[kind][name] in polygons
+            or values.keys() & {f'{name}.topic', f'{name}.points', f'{name}.radius'}]
+    taken = {topic for kind in said for topic in topics[kind].values()}
     free = {topic: kind for topic, kind in polygons.items() if topic not in taken}
-    missing = taken.difference(types)
-    for kind, topic in _detected(free, [kind for kind in defaults if kind not in said],
-                                 missing).items():
-        values.update(_named(kind, [topic], defaults[kind].name))
-    settings = settings_so_far()
-    sources: tuple[FootprintSettings | ObstacleSettings, ...] = (
-        *settings.footprints, *settings.obstacles)
-    for source in sources:
-        kind = polygons.get(source.topic, source.type)
-        if isinstance(source, ObstacleSettings) or kind in (POLYGON, POLYGON_2D):
-            values.setdefault(f'{source.name}.type', kind)
+    for kind, topic in _detected(free, [kind for kind in DEFAULT_NAMES if kind not in said],
+                                 taken.difference(types)).items():
+        values.update(_named(kind, [topic]))
+    for kind, own in _topics(values, node).items():
+        for name, topic in own.items():
+            found = polygons.get(topic)
+            if found and (kind == 'obstacles' or found in (POLYGON, POLYGON_2D)):
+                values.setdefault(f'{name}.type', found)
     return settings_of(values, node)
+
+
+def _topics(parameters: Mapping[str, Any], node: str) -> dict[str, dict[str, str]]:
+    """Return the topics in footprints and obstacles by name; in full, unless they are invalid."""
+    names, values = _declared(parameters)
+
+    def topic_of(name: str) -> str:
+        topic: str = values[f'{name}.topic']
+        if values.get(f'{name}.points') or values.get(f'{name}.radius'):
+            topic = values[f'{name}.odometry'] or TF
+        return _resolved(node, topic) if _TOPIC.fullmatch(topic) else topic
+    return {kind: {name: topic_of(name) for name in own} for kind, own in names.items()}
 
 
 def all_sources(settings: Settings) -> tuple[Source, ...]:
@@ -247,7 +255,7 @@ def _types_of(source: Source) -> tuple[str, ...]:
     return _TYPES[source.type],
 
 
-def _named(kind: str, topics: Iterable[str], default: str) -> dict[str, object]:
+def _named(kind: str, topics: Iterable[str]) -> dict[str, object]:
     """
     Return the parameters that name sources, given as TOPIC or NAME:=TOPIC.
 
@@ -260,7 +268,7 @@ def _named(kind: str, topics: Iterable[str], default: str) -> dict[str, object]:
         else:
             name, topic = re.sub(r'\W+', '_', text.strip('/~'), flags=re.ASCII), text
             if name in _PARAMETERS:
-                name = default
+                name = DEFAULT_NAMES[kind]
         if name in sources:
             raise ParameterError(f"the name '{name}' is used twice in {kind}")
         sources[name] = topic

@@ -114,6 +114,7 @@ class StampOrder:
         # The same of the sets that are being received, by their topics.
         self._sets: dict[str, list[_Counted]] = {topic: [] for topic in marks or ()}
         self._marks = marks or {}
+        self._static: dict[str, object] = {}  # the last of each frame
 
     def __iter__(self) -> Iterator[Timed]:
         by_header, waiting = self._by_header, self._waiting
@@ -139,8 +140,9 @@ class StampOrder:
                     run, run_topic = [data], ''
                     count += 1
                     if topic == TF_STATIC:
-                        # Static transforms are valid at any time.
-                        waiting.append((0, count, topic, run))
+                        # Static transforms are valid at any time, corrected ones from then on.
+                        time = (received or latest) if self._corrects(data) else 0
+                        waiting.append((time, count, topic, run))
                         continue
                     time = stamp = _tf_stamp(data) if topic == TF else header_stamp(data)
                     if by_header:
@@ -174,6 +176,17 @@ class StampOrder:
         self.delay = before - time
         self._end_sets()
         yield from self._take(None)
+
+    def _corrects(self, data: bytes) -> bool:
+        """Return whether a message changes static transforms of messages before."""
+        try:
+            found: dict[str, object] = {child: (parent, transform) for parent, child, _, transform
+                                        in decode_transforms(data)}
+        except MessageError:
+            return False
+        before = {child: self._static.get(child, one) for child, one in found.items()}
+        self._static.update(found)
+        return before != found
 
     def _add_to_set(self, topic: str, counted: _Counted) -> None:
         """Add messages to the set that is being received on a topic, or to the next one."""

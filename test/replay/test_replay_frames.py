@@ -296,6 +296,25 @@ def test_map_moves_with_its_frame(tmp_path, kind, as_live):
         (2.0, pytest.approx(3.0, abs=1e-6)), (4.5, pytest.approx(4.9, abs=1e-2))]
 
 
+@pytest.mark.parametrize('clock', ['receive', HEADER])
+@pytest.mark.parametrize('as_live', [False, True])
+def test_corrected_static_transform_counts_from_then_on(tmp_path, as_live, clock):
+    """Those of other frames, and that of the same frame again, are valid at any time."""
+    sent = {0.0: 10.0, 1.0: 10.0, 2.0: 0.5, 3.0: 10.0}
+    messages = []
+    for k in range(2, 50):
+        time = k / 10
+        messages += [('/tf_static', time, transforms(
+            ('odom', 'site', 0, sent[time], 0.0))) for _ in range(time in sent)]
+        messages += [(topic, time, serialised(points, nanoseconds(time), frame_id))
+                     for topic, points, frame_id in (('/obstacles', box(0), 'site'),
+                                                     ('/footprint', box(0), 'odom'))]
+    first = '/tf_static', 0.0, transforms(('odom', 'site', 0, 10.0, 0.0))
+    result = run(tmp_path / 'bag', [first, *messages], clock=clock, as_live=as_live)
+    contact, = result.contacts
+    assert 1.9 <= seconds(contact.first) <= 2.2 and 2.9 <= seconds(contact.last) <= 3.2
+
+
 def test_invalid_outline_is_bad_input(tmp_path):
     result = run(tmp_path / 'bag', turn([(50, 50)]), {**WITH_ARM, 'frame_id': ''})
     assert 'needs the fixed frame' in result.problems[0]

@@ -114,7 +114,8 @@ class StampOrder:
         # The same of the sets that are being received, by their topics.
         self._sets: dict[str, list[_Counted]] = {topic: [] for topic in marks or ()}
         self._marks = marks or {}
-        self._static: dict[str, object] = {}  # the last of each frame
+        # The first of each frame, None once it was corrected.
+        self._static: dict[str, object] = {}
 
     def __iter__(self) -> Iterator[Timed]:
         by_header, waiting = self._by_header, self._waiting
@@ -178,15 +179,17 @@ class StampOrder:
         yield from self._take(None)
 
     def _corrects(self, data: bytes) -> bool:
-        """Return whether a message changes static transforms of messages before."""
+        """Return whether static transforms of a message are not the first of their frames."""
         try:
             found: dict[str, object] = {child: (parent, transform) for parent, child, _, transform
                                         in decode_transforms(data)}
         except MessageError:
             return False
-        before = {child: self._static.get(child, one) for child, one in found.items()}
-        self._static.update(found)
-        return before != found
+        if found == {child: self._static.setdefault(child, one) for child, one in found.items()}:
+            return False
+        # Those that follow count after this one, also where they are as the first one again.
+        self._static.update(dict.fromkeys(found))
+        return True
 
     def _add_to_set(self, topic: str, counted: _Counted) -> None:
         """Add messages to the set that is being received on a topic, or to the next one."""

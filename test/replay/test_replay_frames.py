@@ -300,7 +300,7 @@ def test_map_moves_with_its_frame(tmp_path, kind, as_live):
 @pytest.mark.parametrize('as_live', [False, True])
 def test_corrected_static_transform_counts_from_then_on(tmp_path, as_live, clock):
     """Those of other frames, and that of the same frame again, are valid at any time."""
-    sent = {0.0: 10.0, 1.0: 10.0, 2.0: 0.5, 3.0: 10.0}
+    sent = {1.0: 10.0, 2.0: 0.5, 2.5: 0.5, 3.0: 10.0, 4.0: 10.0}
     messages = []
     for k in range(2, 50):
         time = k / 10

@@ -33,8 +33,7 @@ _SCRIPTS = ('page.js', 'timeline.js', 'scene.js')
 _MAX_DATA = 7_500_000
 # Coordinates are rounded to this, m.
 _UNIT = 1e-4
-# Max rows of a table, and max samples in all curves of a recording.
-_MAX_ROWS = 200
+# Max samples in all curves of a recording.
 _MAX_SAMPLES = 40_000
 _FEWEST_MOMENTS = 24
 # Min characters of a recording's data for each sample of its curves, and each place of a plan.
@@ -47,15 +46,18 @@ def write_page(results: list[Result], path: str) -> None:
     """
     Write a page of results of checks with `keyframes`, of at most 8 MB.
 
-    The worst verdict comes first, of equal ones the least separation. Where the bodies would take
-    more, they are shown at fewer moments, and then only those that come nearest to a footprint.
+    The worst verdict comes first, of equal ones the least separation. Each recording has an equal
+    share, of which tables and curves take up to three quarters: there are fewer rows where that
+    would not do. Where the bodies would take more than the rest, they are shown at fewer moments,
+    and then only those that come nearest to a footprint.
     """
     ordered = sorted(results, key=lambda result: (
         -SEVERITY.index(result.verdict), result.nearest[1].separation if result.nearest else inf))
     title = name_of(ordered[0]) if len(ordered) == 1 else (
         f'{len(ordered)} recordings: {overall(ordered).words}')
     index = _as_json(_index_of(ordered) if len(ordered) > 1 else None)
-    recordings = [_fitted(result, _MAX_DATA // len(ordered)) for result in ordered]
+    share = (_MAX_DATA - len(index)) // len(ordered)
+    recordings = [_fitted(result, share) for result in ordered]
     source = files(__package__)
     parts = {
         'title': escape(title),
@@ -76,7 +78,11 @@ def _as_json(value: Any) -> str:
 def _fitted(result: Result, limit: int) -> str:
     """Return a recording as JSON of at most `limit` characters."""
     keyframes = result.keyframes or Keyframes([])
-    needed = {keyframes.number(time) for contact in deepest_contacts(result)
+    most, without_bodies = MAX_CONTACTS, 3 * limit // 4
+    while most > 1 and without_bodies < (
+            size := len(_as_json(_recording(result, keyframes, [], [], limit, most)))):
+        most = max(min(3 * most // 4, most * without_bodies // size), 1)
+    needed = {keyframes.number(time) for contact in deepest_contacts(result)[:most]
               for time in (contact.first, contact.deepest)}
     numbers = list(range(len(keyframes.moments)))
     bodies = keyframes.bodies
@@ -85,7 +91,7 @@ def _fitted(result: Result, limit: int) -> str:
         least = sum(_LEAST_OF_VERTEX * len(body.spans[0].ring) * min(len(body.spans), len(numbers))
                     for body in bodies)
         if least <= limit or not bodies:
-            text = _as_json(_recording(result, keyframes, numbers, bodies, limit))
+            text = _as_json(_recording(result, keyframes, numbers, bodies, limit, most))
             if len(text) <= limit or not bodies:
                 return text
         if len(numbers) > _FEWEST_MOMENTS:
@@ -111,33 +117,34 @@ def _nearest_half(bodies: list[ShownBody]) -> list[ShownBody]:
 
 
 def _recording(result: Result, keyframes: Keyframes, numbers: list[int],
-               bodies: list[ShownBody], limit: int) -> dict[str, Any]:
+               bodies: list[ShownBody], limit: int, most: int) -> dict[str, Any]:
+    """Return a recording with `most` rows in a table; the limit is for curves and plans."""
     rows = {body: row for row, body in enumerate(bodies)}
     names = {footprint.name: k for k, footprint in enumerate(result.footprints)}
-    contacts = sorted(deepest_contacts(result), key=lambda contact: contact.first)
+    contacts = sorted(deepest_contacts(result)[:most], key=lambda contact: contact.first)
     places = {id(contact): k for k, contact in enumerate(contacts)}
     name, least = result.nearest or ('', None)
     moments = [keyframes.moments[k] for k in numbers]
     count = max(min(_MAX_SAMPLES, limit // _PER_SAMPLE) // max(len(names), 1), 16)
-    most = max(limit // _PER_PLACE, 2)
+    longest = max(limit // _PER_PLACE, 2)
     return {
         'name': name_of(result), 'verdict': result.verdict.words, 'asLive': result.options.as_live,
-        'problems': result.problems[:_MAX_ROWS], 'notes': result.notes[:_MAX_ROWS],
+        'problems': _first(result.problems, most), 'notes': _first(result.notes, most),
         'facts': _facts_of(result, moments, len(keyframes.bodies) - len(bodies)),
-        'tables': _tables_of(result, contacts),
+        'tables': _tables_of(result, contacts, most),
         'start': result.since(result.start or 0), 'end': result.since(result.end or 0),
         'footprints': [
             {'name': footprint.name, 'colour': colour,
              'times': [time for time, _ in samples], 'values': [value for _, value in samples],
              'ahead': _curve(result, footprint.time_to_collision, count),
-             'unknown': _unknown_of(result, footprint.name)}
+             'unknown': _unknown_of(result, footprint.name, most)}
             for footprint, colour in zip(result.footprints, colours(result).values())
             for samples in [_curve(result, footprint.separation, count)]],
         'lanes': [{**lane._asdict(), 'bars': [
             {**bar._asdict(), 'contact': places.get(id(bar.contact))} for bar in lane.bars]}
-            for lane in lanes_of(result)],
+            for lane in lanes_of(result, most)],
         'contacts': [_contact(contact, result, rows, names) for contact in contacts],
-        'plans': [_plan(one, result, names, most) for one in result.plan_contacts[:_MAX_ROWS]],
+        'plans': [_plan(one, result, names, longest) for one in result.plan_contacts[:most]],
         'times': [round(result.since(time), 6) for time in moments], 'unit': _UNIT,
         'bodies': [_body(body, names, numbers) for body in bodies],
         'begin': result.since(least.time if least else result.start or 0),
@@ -153,16 +160,27 @@ def _curve(result: Result, samples: list[Sample], limit: int) -> list[tuple[floa
             for time, value in leasts]
 
 
-def _unknown_of(result: Result, name: str) -> list[tuple[float, float, str]]:
+def _more(which: str, shown: int, count: int) -> str:
+    """Return what is to be said of a table that does not show all, empty if it does."""
+    return (f'the {which} {shown}; {count - shown} more are in what --json writes'
+            if count > shown else '')
+
+
+def _first(texts: list[str], most: int) -> list[str]:
+    """Return the first texts, and which they are if these are not all."""
+    return [*texts[:most], *filter(None, [_more('first', most, len(texts))])]
+
+
+def _unknown_of(result: Result, name: str, most: int) -> list[tuple[float, float, str]]:
     """Return when a footprint is unknown or undetermined, in s, and why; many are joined."""
     found = [(result.since(one.first), result.since(one.last),
               f'{state}: {"; ".join(one.reasons)}')
              for state, intervals in result.undecided.items()
              for one in intervals if one.footprint == name]
-    if len(found) <= _MAX_ROWS:
+    if len(found) <= most:
         return found
     return [(first, last, f'{state}: for several reasons, see the table')
-            for first, last, state in unknown_times(result, name)]
+            for first, last, state in unknown_times(result, name, most)]
 
 
 def _contact(contact: Contact, result: Result, rows: dict[ShownBody, int],
@@ -248,7 +266,7 @@ def _facts_of(result: Result, moments: list[int], left_out: int) -> list[str]:
     return [*facts, result.bag]
 
 
-def _longest(result: Result, intervals: list[Unknown]) -> tuple[str, Table]:
+def _longest(result: Result, intervals: list[Unknown], most: int) -> tuple[str, Table]:
     """Return a note and the longest times, one row for the footprints of each time and reason."""
     times: dict[tuple[str, str], list[tuple[int, int]]] = {}
     for one in intervals:
@@ -258,28 +276,25 @@ def _longest(result: Result, intervals: list[Unknown]) -> tuple[str, Table]:
     for (name, reason), found in times.items():
         for first, last in joined(found, 0):
             names.setdefault((first, last, reason), []).append(name)
-    longest = sorted(names.items(), key=lambda item: item[0][0] - item[0][1])[:_MAX_ROWS]
-    return (f'the {_MAX_ROWS} longest of {len(names)}' if len(names) > _MAX_ROWS else '',
-            Table(INTERVAL, [
-                (', '.join(own), *first_and_duration(Unknown('', first, last, []), result), reason)
-                for (first, last, reason), own in sorted(longest)]))
+    longest = sorted(names.items(), key=lambda item: item[0][0] - item[0][1])[:most]
+    return (_more('longest', most, len(names)), Table(INTERVAL, [
+        (', '.join(own), *first_and_duration(Unknown('', first, last, []), result), reason)
+        for (first, last, reason), own in sorted(longest)]))
 
 
-def _tables_of(result: Result, contacts: list[Contact]) -> list[dict[str, Any]]:
+def _tables_of(result: Result, contacts: list[Contact], most: int) -> list[dict[str, Any]]:
     """Return the tables of a result; in that of contacts each row is one of those given."""
     found = tables_of(result, contacts)
-    more = len(result.contacts) - len(contacts)
-    deepest = f'the {MAX_CONTACTS} deepest; {more} more are in what --csv and --json write'
+    deepest = _more('deepest', len(contacts), len(result.contacts))
     sample = '' if result.options.as_live else (
         'found at a sample: at the stamp of a message; else in the motion between two messages')
-    plans, footprints = found['plans in contact'], found['footprints']
-    first = f'the first {_MAX_ROWS} of {len(plans.rows)}' if len(plans.rows) > _MAX_ROWS else ''
+    footprints = found['footprints']
     tables = [
-        ('Contacts', '; '.join(filter(None, (deepest if more else '', sample))),
+        ('Contacts', '; '.join(filter(None, (deepest, sample))),
          found['contacts']),
-        ('Plans in contact', first, plans._replace(rows=plans.rows[:_MAX_ROWS])),
+        ('Plans in contact', '', found['plans in contact']),
         ('Plans', '', found['plans checked']),
-        *((state.capitalize(), *_longest(result, intervals))
+        *((state.capitalize(), *_longest(result, intervals, most))
           for state, intervals in result.undecided.items()),
         ('Footprints', '', Table((*footprints.head, 'topic'), [
             (*row, one.topic) for row, one in zip(footprints.rows, result.footprints)])),
@@ -291,4 +306,5 @@ def _tables_of(result: Result, contacts: list[Contact]) -> list[dict[str, Any]]:
         ('Rejections', '', Table(('source', 'messages', 'reason', 'the first one'), [
             (source.name, str(count), reason, source.examples.get(reason, ''))
             for source in result.sources for reason, count in source.rejected.items()]))]
-    return [{'title': title, 'note': note, **table._asdict()} for title, note, table in tables]
+    return [{'title': title, 'note': note or _more('first', most, len(table.rows)),
+             'head': table.head, 'rows': table.rows[:most]} for title, note, table in tables]

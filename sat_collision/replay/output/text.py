@@ -20,8 +20,8 @@ import time
 from typing import Any, NamedTuple, TextIO
 
 from sat_collision.replay.model.result import (
-    BETWEEN_SAMPLES, Contact, deepest_contacts, FootprintResult, joined, overall, Result, Unknown,
-    Verdict)
+    BETWEEN_SAMPLES, Contact, deepest_contacts, FootprintResult, joined, MAX_CONTACTS, overall,
+    Result, Unknown, Verdict)
 
 _MAX_ROWS = 20
 _MAX_WORST = 5
@@ -42,8 +42,8 @@ _LINES = ('#1f77b4', '#e08214', '#7b52ab', '#1a9e96', '#8c564b', '#3f8f3f', '#c2
 _FIRST_HUE, _LAST_HUE = 0.08, 0.9
 # Max rows of a footprint in a chart, for bars that overlap in time.
 _MAX_BAR_ROWS = 4
-# More unknown times than this are joined across short gaps.
-_MANY = 1000
+# More unknown times than this for each contact that may be shown are joined across short gaps.
+_TIMES_A_CONTACT = 5
 
 
 class Progress:
@@ -298,14 +298,15 @@ class Lane(NamedTuple):
     bars: list[Bar]
 
 
-def lanes_of(result: Result) -> list[Lane]:
-    """Return the lane of each footprint, in whose rows the deepest contacts come first."""
+def lanes_of(result: Result, most: int = MAX_CONTACTS) -> list[Lane]:
+    """Return the lane of each footprint, in whose rows the `most` deepest contacts come first."""
     found = []
     first = 0
     for footprint in result.footprints:
         bars = [*(Bar(0, result.since(one.first), result.since(one.last), one.obstacle, one)
-                  for one in deepest_contacts(result) if one.footprint == footprint.name),
-                *(Bar(0, *interval, None) for interval in unknown_times(result, footprint.name))]
+                  for one in deepest_contacts(result)[:most] if one.footprint == footprint.name),
+                *(Bar(0, *interval, None)
+                  for interval in unknown_times(result, footprint.name, most))]
         rows: list[list[Bar]] = [[] for _ in range(_MAX_BAR_ROWS)]
         for bar in bars:
             # They overlap only where all rows are taken.
@@ -319,13 +320,18 @@ def lanes_of(result: Result) -> list[Lane]:
     return found
 
 
-def unknown_times(result: Result, name: str) -> list[tuple[float, float, str]]:
-    """Return when a footprint is unknown or undetermined for any reason, in s, and which."""
+def unknown_times(result: Result, name: str, most: int) -> list[tuple[float, float, str]]:
+    """
+    Return when a footprint is unknown or undetermined for any reason, in s, and which.
+
+    There are about five times `most` of them at most.
+    """
     times = []
+    many = _TIMES_A_CONTACT * most
     for state, intervals in result.undecided.items():
         found = [(result.since(one.first), result.since(one.last)) for one in intervals
                  if one.footprint == name]
         # Gaps between very many are too short to be seen.
-        gap = result.duration / _MANY if len(found) > _MANY else 0.0
+        gap = result.duration / many if len(found) > many else 0.0
         times += [(first, last, state) for first, last in joined(found, gap)]
     return times

@@ -525,6 +525,33 @@ def test_page_of_many_recordings_has_at_most_eight_megabytes(tmp_path):
     assert 3_000_000 < (tmp_path / 'page.html').stat().st_size <= 8_000_000
 
 
+def test_tables_of_many_recordings_say_how_much_more_there_is(tmp_path):
+    """Of sixty recordings, each with more contacts and unknown times than its share can hold."""
+    result = Result('bag', origin=0, start=0, end=2000 * 10**9)
+    result.footprints = [FootprintResult('robot', '/a', True)]
+    result.problems = [f'{20 * "words "}{k}' for k in range(150)]
+    result.contacts = [Contact('robot', f'shelves/{k}', 10**9 * k, 10**9 * k + 10**8, 0.1,
+                               10**9 * k) for k in range(300)]
+    result.unknown = [Unknown('robot', 10**9 * k, 10**9 * k + 10**8, [f'{100 * "words "}{k}'])
+                      for k in range(2000)]
+    write_page(60 * [result], tmp_path / 'page.html')
+    text = (tmp_path / 'page.html').read_text()
+    assert 3_000_000 < len(text) <= 8_000_000
+    shown = json.loads(text.partition('type="application/json">')[2].partition('</script>')[0])
+    for one in shown['recordings']:
+        tables = {table['title']: table for table in one['tables']}
+        for title, which, count in (('Contacts', 'deepest', 300), ('Unknown', 'longest', 2000)):
+            rows = len(tables[title]['rows'])
+            assert 0 < rows < 200 and tables[title]['note'].startswith(
+                f'the {which} {rows}; {count - rows} more are in what --json writes')
+        assert len(one['contacts']) == len(tables['Contacts']['rows'])
+        problems = len(one['problems']) - 1
+        assert one['problems'][-1] == (
+            f'the first {problems}; {150 - problems} more are in what --json writes')
+        assert {bar['contact'] for lane in one['lanes'] for bar in lane['bars']} == {
+            None, *range(len(one['contacts']))}
+
+
 @pytest.mark.long
 @pytest.mark.parametrize('bodies, moments', [(200, 440), (1500, 200)])
 def test_page_has_at_most_eight_megabytes(page, tmp_path, bodies, moments):

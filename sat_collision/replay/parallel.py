@@ -41,9 +41,19 @@ _NO_WORKER = 60.0
 
 def check_one(path: str, options: Options, progress: OnProgress | None = None) -> Result:
     """Check one of several recordings; a bag written for it has a directory of its own."""
-    if options.write_bag:
-        options = replace(options, write_bag=str(Path(options.write_bag, Path(path).stem)))
-    return check(path, options, progress)
+    if not options.write_bag:
+        return check(path, options, progress)
+    bag = Path(options.write_bag, Path(path).stem)
+    if bag.exists():
+        return check(path, replace(options, write_bag=str(bag)), progress)
+    bag.parent.mkdir(parents=True, exist_ok=True)
+    # Where its process dies, the next attempt does not find what was written.
+    with tempfile.TemporaryDirectory(prefix='.unfinished_', dir=bag.parent) as folder:
+        unfinished = Path(folder, bag.name)
+        result = check(path, replace(options, write_bag=str(unfinished)), progress)
+        if unfinished.exists():
+            unfinished.rename(bag)
+    return result
 
 
 def check_here(paths: Iterable[str], options: Options, jobs: int) -> Iterator[Result]:

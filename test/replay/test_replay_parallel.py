@@ -9,6 +9,7 @@
 
 """Many recordings at once: on local processes and on a Dask cluster over TCP."""
 
+from dataclasses import replace
 import functools
 from itertools import permutations
 import os
@@ -22,8 +23,10 @@ import pytest
 from recordings import check, declared, drive, main, MARKS, NAMES, published, STAMPS, write
 from sat_collision.replay import command, parallel
 from sat_collision.replay.model.result import Options, Verdict
+from sat_collision.replay.output.bag import BagOutputs
 
 OPTIONS = Options(parameters=declared(MARKS))
+CHECK_ONE = parallel.check_one
 
 
 @pytest.fixture
@@ -94,6 +97,26 @@ def test_lost_process_is_retried(bags, tmp_path, monkeypatch, fault):
     results = list(parallel.check_here(bags, OPTIONS, 2))
     assert sorted(result.bag for result in results) == bags
     assert all(not result.problems for result in results)
+
+
+def with_a_bag(path, options, marks):
+    """Check a recording, but die at the first attempt, before the end of a bag is written."""
+    mark = Path(marks, f'mark_of_{Path(path).name}')
+    if path.endswith('bag3') and not mark.exists():
+        mark.touch()
+        BagOutputs.close = lambda _: dies()
+    return CHECK_ONE(path, options)
+
+
+@pytest.mark.parametrize('on_cluster', [False, pytest.param(True, marks=pytest.mark.long)])
+def test_bag_of_a_lost_process_is_written_anew(bags, tmp_path, monkeypatch, request, on_cluster):
+    monkeypatch.setattr(parallel, 'check_one', functools.partial(with_a_bag, marks=str(tmp_path)))
+    options = replace(OPTIONS, as_live=True, write_bag=str(tmp_path / 'out'))
+    results = (parallel.check_on_cluster(bags, options, request.getfixturevalue('cluster'))
+               if on_cluster else parallel.check_here(bags, options, 2))
+    assert [result.problems for result in results] == [[]] * 4
+    for bag in bags:
+        assert check(tmp_path / 'out' / Path(bag).name).problems == []
 
 
 @pytest.mark.long

@@ -91,10 +91,11 @@ class StampOrder:
     Yields messages in the order of stamps, given in the order received.
 
     A message without a stamp counts at the time received; so does one whose stamp is more than
-    WINDOW off that, as it is from another clock. With `by_header` the stamps are the clock, and a
-    message without one counts at the latest stamp so far, 0 before the first. Those of `timeless`
-    topics, maps and plans, are not the clock: a message of them counts at its stamp only if that
-    lies between the first and the latest one, and at most WINDOW before that.
+    WINDOW off that, as it is from another clock, or at all ahead of it on `timeless` topics, those
+    of maps and plans. With `by_header` the stamps are the clock, and a message without one counts
+    at the latest stamp so far, 0 before the first. Those of timeless topics are not the clock: a
+    message of them counts at its stamp only if that lies between the first and the latest one, and
+    at most WINDOW before that.
 
     Where a mark ends a set, order says what is in it: its messages stay in their order, and all
     count at the latest stamp of them but that of the mark. `marks` has for the topic of each such
@@ -157,8 +158,10 @@ class StampOrder:
                             first_time = latest = released = 0
                         time = received = time or latest
                         first_time = first_time or time
-                    elif not (time and -WINDOW <= received - time <= WINDOW):
-                        time = received
+                    else:
+                        ahead = 0 if topic in self._timeless else WINDOW
+                        if not (time and -ahead <= received - time <= WINDOW):
+                            time = received
                     if stamp and time == stamp and topic != TF:
                         run_topic, head = topic, own
                         begin, end = (0, 0) if by_header else (stamp - WINDOW, stamp + WINDOW)

@@ -293,6 +293,20 @@ def test_stamps_of_maps_are_not_the_header_clock(tmp_path, as_live, off):
     assert result.footprints[0].least.separation == 2.0
 
 
+@pytest.mark.parametrize('as_live', [False, True])
+@pytest.mark.parametrize('ahead', [0.3, 8.0])
+def test_map_stamped_ahead_counts_when_it_is_received(tmp_path, as_live, ahead):
+    """By the time received it made all time until its stamp unknown, also after the recording."""
+    messages = [('/obstacles', 0.0, serialised(points, nanoseconds(ahead)))
+                for points in (box(3), [])]
+    messages += [('/footprint', k / 10, box(0)) for k in range(50)]
+    messages.sort(key=lambda message: message[1])
+    bag = write(tmp_path / 'bag', messages, latched=['/obstacles'])
+    result = check(bag, Options(as_live=as_live, parameters={f'{SOURCE}.timeout': 0.0}))
+    assert (result.verdict, result.unknown) == (Verdict.CLEAR, [])
+    assert result.end == nanoseconds(4.9)
+
+
 @pytest.mark.parametrize('clock', ('receive', 'header'))
 @pytest.mark.parametrize('as_live', [False, True])
 def test_time_of_the_monitor_does_not_go_back(tmp_path, monkeypatch, as_live, clock):

@@ -75,6 +75,18 @@ def test_messages_of_a_set_stay_together_in_their_order():
         ('/obstacles', 1.4, [4, 6, 7]), ('/obstacles', 1.6, [8])]
 
 
+@pytest.mark.parametrize('times, stamp, counts', [
+    ([*range(5, 31)], 25.0, 25.0), ([*range(5, 31)], 33.0, 30.0), ([*range(5, 31)], 12.0, 30.0),
+    ([*range(5, 11)], 3.0, 10.0), ([*range(5, 31), 0.0, 1.0, 2.0, 8.0], 3.0, 3.0)],
+    ids=['between', 'ahead', 'long ago', 'before the first', 'after a step back'])
+def test_stamps_of_maps_are_not_the_clock(times, stamp, counts):
+    """One counts at its own only among those of others, and no more than 10 s before the last."""
+    rows = [message('/footprint', k, time) for k, time in enumerate(times)]
+    rows.append(message('/map', len(times), stamp))
+    found = StampOrder(in_rows(rows), True, timeless={'/map'})
+    assert [(time - START) / SECOND for topic, time, _ in found if topic == '/map'] == [counts]
+
+
 def expected(messages, by_header):
     """Return (topic, time, data) of single messages in the expected order."""
     found, waiting, latest = [], [], 0

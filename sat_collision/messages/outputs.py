@@ -235,6 +235,7 @@ class Outputs:
         """Publish how far along its path each footprint meets an obstacle."""
         for name, found in self._scene.path_checks.items():
             self._paths[name].publish(_number(found.metres))
+            self.markers_current = False
 
     def publish_markers(self, draws: bool = True) -> None:
         """Publish the markers if they have subscribers: those drawn last unless it draws."""

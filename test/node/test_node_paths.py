@@ -89,6 +89,22 @@ def test_distance_follows_path_and_obstacles(start_with_tf, qos):
     robot.until_distance(math.nan)
 
 
+def test_path_is_drawn_when_nothing_else_is_received(start_with_tf):
+    """The markers before it was checked do not stay."""
+    running = start_with_tf(**ROBOT)
+    robot = Robot(running)
+    plans = running.publisher('/plan', Path)
+    markers = running.markers()
+
+    def drawn():
+        return bool(markers) and any(one.ns == 'footprint/path' for one in markers[-1].markers)
+
+    robot.until(lambda: running.state() == 'clear' and markers, 'a clear state')
+    for path in straight(9.0), straight(1.0), straight(9.0):
+        plans.publish(path)
+        running.until(lambda: drawn() is (path.poses[-1].pose.position.x == 9.0), 'a marker')
+
+
 def test_latched_plan_of_before_the_start_counts(start_with_tf, join):
     planner = join('planner')
     plans = planner.node.create_publisher(Path, '/plan', LATCHED)

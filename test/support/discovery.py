@@ -7,21 +7,13 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""
-DDS that stays on this machine, with fast discovery.
-
-Nodes of one process talk as those of several do. With its delivery within a process Fast DDS
-leaves one of a thousand participants, on a busy machine, without the endpoints of another for
-ever.
-"""
+"""DDS that stays on this machine, with fast discovery."""
 
 import os
 from pathlib import Path
 
 _PROFILE = """<?xml version="1.0" encoding="UTF-8"?>
-<dds xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
-  <library_settings><intraprocess_delivery>OFF</intraprocess_delivery></library_settings>
-  <profiles>
+<dds xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"><profiles>
   <participant profile_name="prompt" is_default_profile="true"><rtps><builtin><discovery_config>
     {lease}<initialAnnouncements>
       <count>20</count><period><sec>0</sec><nanosec>20000000</nanosec></period>

@@ -57,6 +57,19 @@ def to_parameters(values):
     return [Parameter(name.replace('__', '.'), value=value) for name, value in values.items()]
 
 
+def matched_publisher(node, until, *of_what):
+    """Return a publisher that is matched: Fast DDS may match only the other side, for ever."""
+    for _ in range(5):
+        publisher = node.create_publisher(*of_what)
+        end = time.monotonic() + 10.0
+        until(lambda: publisher.get_subscription_count() or time.monotonic() > end,
+              'a match or its time')
+        if publisher.get_subscription_count():
+            return publisher
+        node.destroy_publisher(publisher)
+    raise AssertionError(f'no publisher was matched: {of_what}')
+
+
 class Peer:
     """A node that publishes to the monitor and keeps the messages received from it."""
 
@@ -94,9 +107,8 @@ class Peer:
     def publisher(self, topic, kind=PolygonStamped, qos=100):
         """Return a publisher that the monitor has found."""
         if topic not in self._publishers:
-            publisher = self._publishers[topic] = self.node.create_publisher(kind, topic, qos)
-            self.until(lambda: publisher.get_subscription_count()
-                       and self._matches_publisher(topic), f'a subscription to {topic}')
+            self._publishers[topic] = matched_publisher(self.node, self.until, kind, topic, qos)
+            self.until(lambda: self._matches_publisher(topic), f'a subscription to {topic}')
         return self._publishers[topic]
 
     def send(self, topic, points, stamp=None, frame_id='map', instance=None):

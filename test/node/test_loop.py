@@ -122,7 +122,7 @@ def test_contact_within_the_first_batch_is_published(pausable):
 
 def test_lost_messages_are_counted(pausable):
     """Fifty messages for a queue of ten: forty are lost."""
-    monitor = pausable(obstacle__timeout=1.0, **{DEPTH: 10})
+    monitor = pausable(obstacle__timeout=20.0, **{DEPTH: 10})
     states = monitor.listen('~/state')
     monitor.send('obstacles', APART)
     monitor.until(lambda: 'has not ended a set yet' in monitor.reason())

@@ -52,7 +52,8 @@ def test_undecodable_message_is_unknown(start):
     monitor = start(footprint__timeout=0.0, obstacle__timeout=0.5)
     monitor.send('footprint', ROBOT)
     monitor.send_set_until('clear', 'obstacles', APART)
-    bad = serialize_message(polygon_message(APART, 10**18))[:-1]
+    # Middlewares pad messages to whole words.
+    bad = serialize_message(polygon_message(APART, 10**18))[:-4]
 
     def sent():
         monitor.publisher('obstacles').publish(bad)

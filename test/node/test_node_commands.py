@@ -14,7 +14,7 @@ import math
 from builders import box, transforms
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PolygonStamped, Twist, TwistStamped
-from harness import health, matched_publisher, values
+from harness import health, values
 import pytest
 from rclpy.qos import QoSProfile, QoSReliabilityPolicy
 from std_msgs.msg import Bool
@@ -90,7 +90,7 @@ def test_type_of_commands_may_change(start_with_tf, join):
     robot = Robot(running)
     for number, message in enumerate((twist(1.0), stamped(1.0), twist(1.0))):
         peer = join(f'driver{number}')
-        publisher = matched_publisher(peer.node, robot.until, type(message), 'cmd_vel', 10)
+        publisher = peer.publisher('cmd_vel', type(message))
         robot.until_predicted(message, publisher)
         peer.node.destroy_publisher(publisher)
         robot.until(lambda: robot.velocity().startswith('unknown: no command on'), 'an end')

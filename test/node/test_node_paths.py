@@ -13,7 +13,7 @@ import math
 
 from builders import box, transforms
 from geometry_msgs.msg import PolygonStamped, PoseStamped
-from harness import matched_publisher, values
+from harness import values
 from nav_msgs.msg import Path
 import pytest
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
@@ -128,10 +128,11 @@ def test_publishers_with_other_qos_take_over(start_with_tf, join):
     for number, qos in enumerate((10, LATCHED, BEST_EFFORT, LATCHED)):
         planner = join(f'planner{number}')
         if qos is LATCHED:
+            planner.listen('~/collision')
             plans = planner.node.create_publisher(Path, '/plan', qos)
             plans.publish(straight(9.0))
         else:
-            plans = matched_publisher(planner.node, robot.until, Path, '/plan', qos)
+            plans = planner.publisher('/plan', Path, qos)
             plans.publish(straight(1.0))
         robot.until_distance(2.0 if qos is LATCHED else math.inf)
         planner.node.destroy_publisher(plans)

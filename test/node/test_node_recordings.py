@@ -126,4 +126,5 @@ def test_live_node_and_replay_publish_the_same(start, tmp_path, name):
                 raised.append(message.data)
     assert between(stamps[2], stamp, received) == between(stamps[2], stamp, states)
     raised = without_repetition(raised)[2:]
-    assert without_repetition(flag.data for flag in flags)[-len(raised):] == raised
+    monitor.until(lambda: without_repetition(flag.data for flag in flags)[-len(raised):] == raised,
+                  f'flags {raised}')

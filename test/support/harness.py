@@ -23,7 +23,9 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
+from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
 from rosgraph_msgs.msg import Clock
 from sat_collision.node.footprint_monitor import FootprintMonitor
 from sensor_msgs.msg import PointCloud2
@@ -57,37 +59,48 @@ def to_parameters(values):
     return [Parameter(name.replace('__', '.'), value=value) for name, value in values.items()]
 
 
-def matched_publisher(node, until, *of_what):
-    """Return a publisher that is matched: Fast DDS may match only the other side, for ever."""
-    for _ in range(5):
-        publisher = node.create_publisher(*of_what)
-        end = time.monotonic() + 10.0
-        until(lambda: publisher.get_subscription_count() or time.monotonic() > end,
-              'a match or its time')
-        if publisher.get_subscription_count():
-            return publisher
-        node.destroy_publisher(publisher)
-    raise AssertionError(f'no publisher was matched: {of_what}')
-
-
 class Peer:
     """A node that publishes to the monitor and keeps the messages received from it."""
 
     def __init__(self, domain, name='footprint_monitor', own_name='peer'):
-        self.context = rclpy.Context()
-        self.context.init(domain_id=domain)
-        self.node = rclpy.create_node(own_name, context=self.context)
-        self._executor = SingleThreadedExecutor(context=self.context)
-        self._executor.add_node(self.node)
+        self._domain = domain
+        self._own_name = own_name
         self.name = name
         self._publishers = {}
         self._received = {}
         self._last_stamps = {}
+        self._join()
+
+    def _join(self):
+        self.context = rclpy.Context()
+        self.context.init(domain_id=self._domain)
+        self.node = rclpy.create_node(self._own_name, context=self.context)
+        self._executor = SingleThreadedExecutor(context=self.context)
+        self._executor.add_node(self.node)
 
     def close(self):
         self._executor.shutdown()
         self.node.destroy_node()
         self.context.shutdown()
+
+    def _joined(self, create, count):
+        """
+        Return an endpoint once it counts one on the other side; `create` makes it.
+
+        On a busy machine one of a thousand participants never hears of the endpoints of another
+        one in its process (Fast DDS 2.14), whatever it creates. So one that has nothing else
+        joins again.
+        """
+        endpoint = create()
+        for _ in range(0 if self._publishers or self._received else 4):
+            end = time.monotonic() + TIMEOUT / 6
+            self.until(lambda: count(endpoint) or time.monotonic() > end)
+            if count(endpoint):
+                break
+            Peer.close(self)
+            self._join()
+            endpoint = create()
+        return endpoint
 
     def spin(self, seconds=0.0):
         """Receive what has arrived, for some time."""
@@ -107,8 +120,11 @@ class Peer:
     def publisher(self, topic, kind=PolygonStamped, qos=100):
         """Return a publisher that the monitor has found."""
         if topic not in self._publishers:
-            self._publishers[topic] = matched_publisher(self.node, self.until, kind, topic, qos)
-            self.until(lambda: self._matches_publisher(topic), f'a subscription to {topic}')
+            publisher = self._publishers[topic] = self._joined(
+                lambda: self.node.create_publisher(kind, topic, qos),
+                Publisher.get_subscription_count)
+            self.until(lambda: publisher.get_subscription_count()
+                       and self._matches_publisher(topic), f'a subscription to {topic}')
         return self._publishers[topic]
 
     def send(self, topic, points, stamp=None, frame_id='map', instance=None):
@@ -133,8 +149,11 @@ class Peer:
         kind = _KINDS.get(topic) or _KINDS_BY_END.get(topic.rpartition('/')[2], Bool)
         topic = topic.replace('~', f'/{self.name}')
         if topic not in self._received:
-            received = self._received[topic] = []
-            subscription = self.node.create_subscription(kind, topic, received.append, qos)
+            received = []
+            subscription = self._joined(
+                lambda: self.node.create_subscription(kind, topic, received.append, qos),
+                Subscription.get_publisher_count)
+            self._received[topic] = received
             self.until(lambda: subscription.get_publisher_count()
                        and self._matches_subscription(topic), f'a publisher of {topic}')
         return self._received[topic]

@@ -179,7 +179,7 @@ def test_motion_of_a_polygon_object_is_refused():
         time_of_contact(Polygon(SQUARE), Polygon(SQUARE), SQUARE, SQUARE)
 
 
-@pytest.mark.parametrize('margin', [-1.0, -1e-300, float('nan')])
+@pytest.mark.parametrize('margin', [-1.0, -1e-300, float('nan'), -10 ** 400])
 def test_invalid_margin_is_refused(margin):
     """Even if nothing would be found."""
     with pytest.raises(ValueError, match='margin .* 0 or more'):

@@ -223,8 +223,7 @@ class _Check:
 
     def _refused_of(self, footprint: FootprintSettings) -> list[str]:
         """Return which sources that concern a footprint had messages refused for content."""
-        names = {footprint.name, footprint.command and footprint.command.name,
-                 *filter(footprint.monitors, self._scene.sources)}
+        names = {footprint.name, *filter(footprint.monitors, self._scene.sources)}
         return [source.name for source in self._result.sources
                 if source.refused and source.name in names]
 

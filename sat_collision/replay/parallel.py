@@ -74,6 +74,17 @@ def _check_in_processes(paths: Iterable[str], options: Options, jobs: int,
                 again.append(futures[future])
             else:
                 yield future.result()
+        pool.shutdown()
+        # When a process dies, all running checks fail: run them again one by one.
+        for path in again:
+            for _ in range(_ATTEMPTS - 1):
+                pool = _pool(1, folder)
+                future = pool.submit(check_one, path, options)
+                error = future.exception()
+                pool.shutdown()
+                if not error:
+                    break
+            yield failed(path, options, error, _ATTEMPTS) if error else future.result()
     except BaseException:
         # End running checks, and cancel pending ones.
         pool.shutdown(wait=False, cancel_futures=True)
@@ -83,16 +94,6 @@ def _check_in_processes(paths: Iterable[str], options: Options, jobs: int,
         for process in processes:
             process.join()
         raise
-    pool.shutdown()
-    # When a process dies, all running checks fail: run them again one by one.
-    for path in again:
-        for _ in range(_ATTEMPTS - 1):
-            with _pool(1, folder) as pool:
-                future = pool.submit(check_one, path, options)
-            error = future.exception()
-            if not error:
-                break
-        yield failed(path, options, error, _ATTEMPTS) if error else future.result()
 
 
 def _pool(jobs: int, folder: str) -> ProcessPoolExecutor:

@@ -12,11 +12,13 @@
 from dataclasses import replace
 import functools
 from itertools import permutations
+import multiprocessing
 import os
 from pathlib import Path
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 import pytest
@@ -117,6 +119,30 @@ def test_bag_of_a_lost_process_is_written_anew(bags, tmp_path, monkeypatch, requ
     assert [result.problems for result in results] == [[]] * 4
     for bag in bags:
         assert check(tmp_path / 'out' / Path(bag).name).problems == []
+
+
+def dies_or_lasts(path, options, marks):
+    """Die at the first attempt, and let the second one last."""
+    if not Path(marks, 'died').exists():
+        Path(marks, 'died').touch()
+        dies()
+    Path(marks, 'lasts').touch()
+    time.sleep(20.0)
+
+
+def test_interrupt_ends_a_check_that_is_run_again(tmp_path, monkeypatch):
+    """The command would not end before it."""
+    def interrupt():
+        while not Path(tmp_path, 'lasts').exists():
+            time.sleep(0.01)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(parallel, 'check_one', functools.partial(
+        dies_or_lasts, marks=str(tmp_path)))
+    threading.Thread(target=interrupt).start()
+    with pytest.raises(KeyboardInterrupt):
+        next(parallel.check_here(['bag'], OPTIONS, 2))
+    assert multiprocessing.active_children() == []
 
 
 @pytest.mark.long

@@ -402,7 +402,7 @@ class KeyTracker(Tracker):
                 if not one.instance:
                     self._shapes.pop(_shape_of(last.sent), None)
                     self._shapes[_shape_of(one)] = name
-        self._close(jumps=True)
+        self._close()
 
     def _stand(self, now: int, least: int, is_over: bool = False,
                replaced: Set[ObstacleId] = frozenset(), times: Sequence[int] = ()) -> None:
@@ -453,12 +453,13 @@ class KeyTracker(Tracker):
         silent = max(seen_at, times[k - 1] if k else self._heard or 0) + self._timeout
         return (min(times[k], silent), True) if k < len(times) else (silent, False)
 
-    def _close(self, jumps: bool = False) -> None:
+    def _close(self) -> None:
         """
         End the group that is being received, and match its bodies to where they were last.
 
-        If it jumps, they stood there until then.
+        Those of a map stood there until then.
         """
+        jumps = self._timeout == NEVER
         times, self._times = sorted(self._times), []
         if times:
             self._stand(times[-1], self._longest, times=times)

@@ -288,6 +288,14 @@ def test_map_is_replaced_by_a_whole_one(tmp_path, start, instance, refused):
     assert [time for _, time in found] == ([0.5, 4.0, 7.0] if refused else [0.5, 7.0])
 
 
+def test_wall_of_a_map_with_ids_jumps(tmp_path):
+    """It is sent before the robot, and two seconds later behind it."""
+    walls = [('/obstacles', time, serialised(points, START + round(time * SECOND), instance=7))
+             for time, x in ((0.0, 6.0), (2.0, -6.0)) for points in (box(x), [])]
+    assert passing(tmp_path, walls, {'timeout': 0.0}, latched=['/obstacles'],
+                   types={'/obstacles': INSTANCE}) == []
+
+
 def test_sets_of_one_message_are_matched(tmp_path):
     """Another robot at 100 Hz."""
     other = [('/obstacles', k / 100, box(20.0 - k / 50)) for k in range(1001)]

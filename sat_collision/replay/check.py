@@ -295,6 +295,11 @@ class _Check:
                     elif name in monitor.outlines.names:
                         self._plans.follow(now)
         if result.start is None:
+            if monitor.received.total():
+                result.notes.append(
+                    'nothing is checked, as no message of a footprint, or of obstacles that are '
+                    'not a map, has the header stamp with which the clock would start: stamp '
+                    'them, or use --clock receive')
             return
         delay = max(ordered.delay, 0) if isinstance(ordered, StampOrder) else 0
         end = now if by_header else max(now, end - delay)

@@ -294,6 +294,16 @@ def test_stamps_of_maps_are_not_the_header_clock(tmp_path, as_live, off):
 
 
 @pytest.mark.parametrize('as_live', [False, True])
+@pytest.mark.parametrize('topic', ['/footprint', '/obstacles', '/elsewhere'])
+def test_header_clock_that_nothing_starts_is_noted(tmp_path, as_live, topic):
+    bag = write(tmp_path / 'bag', [(topic, k / 10, serialised(box(0), 0)) for k in range(9)])
+    result = check(bag, Options(as_live=as_live, clock=HEADER, footprints=('/footprint',),
+                                obstacles=('/obstacles',)))
+    assert result.verdict is Verdict.UNKNOWN
+    assert ('use --clock receive' in ' '.join(result.notes)) == (topic != '/elsewhere')
+
+
+@pytest.mark.parametrize('as_live', [False, True])
 @pytest.mark.parametrize('ahead', [0.3, 8.0])
 def test_map_stamped_ahead_counts_when_it_is_received(tmp_path, as_live, ahead):
     """By the time received it made all time until its stamp unknown, also after the recording."""

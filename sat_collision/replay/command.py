@@ -26,7 +26,7 @@ from sat_collision.replay.arguments import parse
 from sat_collision.replay.bag.storage import check_bag_writer
 from sat_collision.replay.check import check
 from sat_collision.replay.model.configuration import (
-    parameter_of_text, parameters_of_file, settings_of)
+    check_values, parameter_of_text, parameters_of_file)
 from sat_collision.replay.model.result import Options, overall, Result, SEVERITY, Verdict
 from sat_collision.replay.output.formats import (
     BaselineError, differences_from, read_baseline, write_csv, write_json, write_junit,
@@ -106,7 +106,7 @@ def _options(arguments: argparse.Namespace) -> Options:
     for path in arguments.params_file:
         parameters.update(parameters_of_file(path, arguments.node))
     parameters.update(parameter_of_text(text) for text in arguments.param)
-    settings_of(parameters, arguments.node, False)
+    check_values(parameters)
     given = {name: getattr(arguments, name)
              for name in vars(arguments).keys() & {field.name for field in fields(Options)}}
     return Options(parameters=parameters, keyframes=bool(arguments.plot), **given)

@@ -20,8 +20,10 @@ import subprocess
 import sys
 from xml.etree import ElementTree
 
+from builders import collection
 import pytest
-from recordings import box, DECLARED, drive, main, run_without, SOURCE, STAMPS, START, write
+from recordings import (
+    box, COLLECTION, DECLARED, drive, main, nanoseconds, run_without, SOURCE, STAMPS, START, write)
 from rosbags.rosbag2 import Reader
 from sat_collision.demo import warehouse
 from sat_collision.replay.losses import UNSEEN
@@ -63,6 +65,14 @@ def test_invalid_options_are_refused_before_the_run(bags, capsys, arguments, wor
     out, error = capsys.readouterr()
     assert words in error and error.startswith('replay_check: ')
     assert out == '' and error.count('\n') == 1
+
+
+def test_parameters_may_hold_for_the_type_that_is_recorded(tmp_path):
+    """Only as a collection a map needs no set_end."""
+    messages = [('/obstacles', 0.0, collection([box(3)], nanoseconds(0.0))),
+                *(('/footprint', k / 10, box(0)) for k in range(9))]
+    bag = write(tmp_path / 'bag', messages, types={'/obstacles': COLLECTION})
+    assert main([str(bag), '-p', f'{SOURCE}.timeout:=0.0'], set_end=None) == 0
 
 
 def test_text_output(bags, capsys):

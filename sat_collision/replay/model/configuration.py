@@ -102,15 +102,16 @@ def parameter_of_text(text: str) -> tuple[str, Any]:
         raise ParameterError(f'{text}: {in_one_line(error)}') from error
 
 
-def settings_of(parameters: Mapping[str, Any], node: str = NODE,
-                is_complete: bool = True) -> Settings:
-    """
-    Return the Settings that parameters by dotted names make; ParameterError as from the node.
+def check_values(parameters: Mapping[str, Any]) -> None:
+    """Raise ParameterError for parameters that are wrong whatever a recording has."""
+    _, values = _declared(parameters)
+    check_names_given([name for name in parameters if '.' not in name], values)
 
-    Unless they are complete, parameters of sources not named yet are ignored.
-    """
+
+def settings_of(parameters: Mapping[str, Any], node: str = NODE) -> Settings:
+    """Return the Settings that dotted parameters make; ParameterError as from the node."""
     names, values = _declared(parameters)
-    check_names_given([name for name in parameters if is_complete or '.' not in name], values)
+    check_names_given(parameters, values)
     return read_settings(names['footprints'], names['obstacles'], values.__getitem__,
                          partial(_resolved, node))
 

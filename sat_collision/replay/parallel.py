@@ -66,6 +66,7 @@ def check_here(paths: Iterable[str], options: Options, jobs: int) -> Iterator[Re
 def _check_in_processes(paths: Iterable[str], options: Options, jobs: int,
                         folder: str) -> Iterator[Result]:
     again = []
+    others = multiprocessing.active_children()
     pool = _pool(jobs, folder)
     try:
         futures = {pool.submit(check_one, path, options): path for path in paths}
@@ -88,7 +89,7 @@ def _check_in_processes(paths: Iterable[str], options: Options, jobs: int,
     except BaseException:
         # End running checks, and cancel pending ones.
         pool.shutdown(wait=False, cancel_futures=True)
-        processes = multiprocessing.active_children()
+        processes = [one for one in multiprocessing.active_children() if one not in others]
         for process in processes:
             process.terminate()
         for process in processes:

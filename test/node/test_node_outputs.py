@@ -159,7 +159,8 @@ def test_time_to_collision_is_published_to_subscribers(start, monkeypatch):
 def test_states_and_markers_of_an_imminent_collision(start):
     """Within min_time_to_collision: a warning, a raised flag, and the way there in amber."""
     monitor = start(footprint__min_time_to_collision=2.5, **LASTING)
-    monitor.send_set('obstacles', box(3, 0))
+    monitor.send('footprint', ROBOT)
+    monitor.send_set_until('clear', 'obstacles', box(3, 0))
     drive(monitor, lambda: monitor.state() == 'imminent', 'a warning')
     status = monitor.status()
     assert status.level == DiagnosticStatus.WARN

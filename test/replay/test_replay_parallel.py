@@ -139,10 +139,15 @@ def test_interrupt_ends_a_check_that_is_run_again(tmp_path, monkeypatch):
 
     monkeypatch.setattr(parallel, 'check_one', functools.partial(
         dies_or_lasts, marks=str(tmp_path)))
+    other = multiprocessing.get_context('spawn').Process(target=time.sleep, args=(60.0,))
+    other.start()
+    children = multiprocessing.active_children()
     threading.Thread(target=interrupt).start()
     with pytest.raises(KeyboardInterrupt):
         next(parallel.check_here(['bag'], OPTIONS, 2))
-    assert multiprocessing.active_children() == []
+    assert {*multiprocessing.active_children()} == {*children}, 'those of others go on'
+    other.terminate()
+    other.join()
 
 
 @pytest.mark.long

@@ -80,7 +80,7 @@ class States:
         """
         Write a footprint's state; `step` is the float32 step of its coordinates, m.
 
-        That no distances can be measured yet is part of it.
+        Where `is_measured` is false the state says that no distances can be measured yet.
         """
         coarse = step > self.settings.resolution
         status = self._statuses[name]

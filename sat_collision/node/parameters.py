@@ -136,7 +136,7 @@ class Parameters:
                              self._node.resolve_topic_name)
 
 
-# The callbacks of rclpy raise ValueError for a type of parameter that there is not.
+# The callbacks of rclpy raise ValueError for an unknown type of parameter.
 def _set_each(callback: Callable[..., Any], request: Any, response: Any) -> Any:
     for parameter in request.parameters:
         try:

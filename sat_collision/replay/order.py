@@ -91,11 +91,12 @@ class StampOrder:
     Yields messages in the order of stamps, given in the order received.
 
     A message without a stamp counts at the time received; so does one whose stamp is more than
-    WINDOW off that, as it is from another clock, or at all ahead of it on `timeless` topics, those
-    of maps and plans. With `by_header` the stamps are the clock, and a message without one counts
-    at the latest stamp so far, 0 before the first. Those of timeless topics are not the clock: a
-    message of them counts at its stamp only if that lies between the first and the latest one, and
-    at most WINDOW before that.
+    WINDOW off that, as it is from another clock. With `by_header` the stamps are the clock, and a
+    message without one counts at the latest stamp so far, 0 before the first.
+
+    Maps and plans, on `timeless` topics, may have any stamp, so theirs are not the clock. They
+    count at it if it lies in the WINDOW before the time received. With `by_header` that time is
+    the latest stamp so far, and they do not count before the first one.
 
     Where a mark ends a set, order says what is in it: its messages stay in their order, and all
     count at the latest stamp of them but that of the mark. `marks` has for the topic of each such

@@ -22,8 +22,8 @@ class TestFault:
     """
     Each fault is detected, and no flag says clear meanwhile.
 
-    All share a rig, which is closed before situations begin: Fast DDS may end a process in which
-    a participant leaves while another one publishes.
+    All share a rig, which is closed before situations begin: while it publishes, destroying the
+    node of another participant has ended the process (Fast DDS 2.14.5).
     """
 
     @pytest.fixture(scope='class')

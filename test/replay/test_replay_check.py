@@ -306,7 +306,7 @@ def test_header_clock_that_nothing_starts_is_noted(tmp_path, as_live, topic):
 @pytest.mark.parametrize('as_live', [False, True])
 @pytest.mark.parametrize('ahead', [0.3, 8.0])
 def test_map_stamped_ahead_counts_when_it_is_received(tmp_path, as_live, ahead):
-    """By the time received it made all time until its stamp unknown, also after the recording."""
+    """Its stamp neither delays it nor extends the recording."""
     messages = [('/obstacles', 0.0, serialised(points, nanoseconds(ahead)))
                 for points in (box(3), [])]
     messages += [('/footprint', k / 10, box(0)) for k in range(50)]

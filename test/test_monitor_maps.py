@@ -1,0 +1,141 @@
+# Copyright 2026 The sat_collision Authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Maps in other frames: each part is placed by its frame as it is now, and follows it."""
+
+from dataclasses import replace
+
+from builders import box
+from monitors import START
+import pytest
+from sat_collision.messages.transform_listener import TF, TF_STATIC
+from test_monitor_frames import Robot, SETS, SETTINGS
+
+MAP = replace(SETS, obstacles=(replace(SETS.obstacles[0], timeout=0.0),))
+
+
+def test_map_is_unknown_while_a_part_of_it_waits():
+    """What waits may be in contact."""
+    robot = Robot(MAP)
+    robot.stand(0)
+    robot.see(box(9), 0.0, 'odom', None)
+    robot.see((), 0.0, 'odom', None)
+    assert robot.status() == 'clear'
+    robot.see(box(0), 0.0, 'base', None)
+    assert 'waits for the transform' in robot.state().reasons[0]
+    robot.move(0.0, 30.0)
+    assert robot.status() == 'clear'
+
+
+def map_robot(*link):
+    """Return a robot with a map that a frame with this transform has 50 m ahead of it."""
+    robot = Robot(MAP)
+    robot.stand(0)
+    robot.receive_transforms(*link)
+    robot.see(box(0), 0.0, link[1][1], None)
+    robot.see((), 0.0, 'odom', None)
+    assert robot.status() == 'clear'
+    return robot
+
+
+def test_map_follows_a_static_frame_that_is_corrected():
+    robot = map_robot(TF_STATIC, ('odom', 'site', 0, 50.0, 0.0))
+    robot.receive_transforms(TF_STATIC, ('odom', 'site', 0, 0.5, 0.0))
+    assert robot.status() == 'collision' and robot.seen == [(0.5, 0, 1.5, 1)]
+    robot.wait_until(9.0)
+    robot.stand(0)
+    assert robot.status() == 'collision'
+
+
+def test_all_of_a_map_follows_when_a_transform_ahead_of_the_clock_comes_to_count():
+    """The first part was placed before, by the transform before."""
+    robot = Robot(MAP)
+    robot.stand(0)
+    robot.move(0.0, 50.0, 'site')
+    robot.move(0.5, 0.5, 'site')
+    robot.see(box(0), 0.0, 'site', None)
+    robot.wait_until(0.6)
+    robot.see(box(9), 0.6, 'site', None)
+    robot.see((), 0.6, 'site', None)
+    assert robot.status() == 'collision' and [x for x, *_ in robot.seen] == [0.5, 9.5]
+
+
+def test_part_of_a_map_in_the_fixed_frame_stays():
+    """Though its place in a set was before that of a part which followed its frame."""
+    robot = map_robot(TF_STATIC, ('odom', 'site', 0, 50.0, 0.0))
+    for frame_id in 3 * ['site'] + 3 * ['odom']:
+        for x, sent_in in ((20, frame_id), (30, frame_id), (70, 'site')):
+            robot.see(box(x), 0.0, sent_in, None)
+        robot.see((), 0.0, 'odom', None)
+    robot.receive_transforms(TF_STATIC, ('odom', 'site', 0, 60.0, 0.0))
+    assert [x for x, *_ in robot.seen] == [20, 30, 130]
+
+
+def test_map_follows_a_moving_frame_and_is_unknown_without_it():
+    """Once the last transform is older than the footprint's timeout, 1 s, and at a reset."""
+    robot = map_robot(TF, ('odom', 'site', START, 50.0, 0.0))
+    robot.wait_until(1.0)
+    robot.stand(0)
+    assert robot.status() == 'clear'
+    robot.wait_until(1.001)
+    assert 'frame whose transform is too old' in robot.state().reasons[0]
+    robot.wait_until(1.2)
+    robot.move(1.1, 40.0, 'site')
+    assert robot.status() == 'clear' and robot.seen == [(40, 0, 41, 1)]
+    robot.move(1.2, 0.0, 'site')
+    assert robot.status() == 'collision'
+    robot.wait_until(-3.0)
+    robot.stand(20)
+    assert 'is a map in another frame' in robot.state().reasons[0]
+
+
+@pytest.mark.parametrize('link, changes, reason', [
+    ((TF, ('odom', 'site', START, 50.0, 0.0)), {'footprints': (
+        replace(MAP.footprints[0], timeout=0.5),)}, 'past the timeout by 0.4 s'),
+    ((TF_STATIC, ('odom', 'site', 0, 50.0, 0.0, 0.0, 0.0, 0.04, 0.0, 0.9992)),
+     {'max_tilt': 0.01}, 'tilted by')], ids=['timeout', 'tilt'])
+def test_frame_of_a_map_counts_by_the_present_parameters(link, changes, reason):
+    robot = map_robot(*link)
+    robot.wait_until(0.9)
+    robot.stand(0)
+    robot.monitor.update(replace(robot.settings, **changes))
+    assert robot.status() == 'unknown' and reason in robot.state().reasons[0]
+    robot.monitor.update(robot.settings)
+    assert robot.status() == 'clear'
+
+
+def test_frame_in_which_a_map_was_sent_does_not_matter_for_the_next():
+    """Though /tf is silent, so that nothing else tells of frames."""
+    robot = map_robot(TF, ('odom', 'site', START, 50.0, 0.0))
+    robot.wait_until(2.0)
+    robot.stand(0)
+    robot.see(box(9), 2.0, 'odom', None)
+    assert 'too old' in ''.join(robot.state().reasons)
+    robot.see((), 2.0, 'odom', None)
+    assert robot.status() == 'clear'
+
+
+@pytest.mark.parametrize('frame_id, topic, link', [
+    ('laser', TF, ('odom', 'base')), ('map', TF_STATIC, ('odom', 'map'))])
+def test_map_is_requested_again_once_its_transform_has_come(frame_id, topic, link):
+    """A latched map is sent only once, and at the start transforms may come later."""
+    robot = Robot(replace(SETTINGS, obstacles=(
+        replace(SETTINGS.obstacles[0], timeout=0.0, set_end='empty_polygon'),)))
+    robot.see(box(9), 'none', frame_id)
+    robot.wait_until(5.0)
+    robot.see((), 'none', frame_id)
+    assert len(robot.reasons) == 1 and not robot.scene.wants_history('lidar')
+    robot.receive_transforms(TF, ('odom', 'elsewhere', robot.now, 0.0, 0.0))
+    assert not robot.scene.wants_history('lidar')
+    robot.receive_transforms(topic, (*link, robot.now, 0.0, 0.0))
+    assert robot.scene.wants_history('lidar')
+    robot.scene.renew('lidar')
+    robot.numbers['lidar'] = 0
+    robot.send_map('lidar', box(9))
+    assert not robot.scene.source_faults and not robot.scene.wants_history('lidar')

@@ -104,8 +104,12 @@ def module_domain():
 
 
 @pytest.fixture
-def start(domain):
-    """Start a monitor with parameters, whose dots are written as double underscores."""
+def start(domain, run):
+    """
+    Start a monitor with parameters, whose dots are written as double underscores.
+
+    It leaves before the processes of `run` are killed; see `Witness.close`.
+    """
     from harness import RunningMonitor
     running = []
 
@@ -119,8 +123,8 @@ def start(domain):
 
 
 @pytest.fixture
-def join(domain):
-    """Start another peer, whose node may have its own name."""
+def join(domain, run):
+    """Start another peer, whose node may have its own name; it leaves as monitors do."""
     from harness import Peer
     peers = []
 

@@ -9,9 +9,7 @@
 
 """The example that converts laser scans to obstacles."""
 
-import os
 from pathlib import Path
-import subprocess
 import sys
 
 import numpy as np
@@ -84,15 +82,12 @@ def test_ranges_out_of_bounds_are_no_returns():
 
 
 @pytest.fixture(params=(False, True), ids=('one by one', 'in one message'))
-def converter(domain, request):
+def converter(run, request):
     if request.param:
         pytest.importorskip('polygon_msgs', reason='make .venv/messages.stamp builds it')
-    process = subprocess.Popen([sys.executable, ROOT / 'examples' / 'scan_to_polygons.py',
-                                '--ros-args', '-p', f'in_one_message:={request.param}'],
-                               env={**os.environ, 'ROS_DOMAIN_ID': str(domain)})
-    yield {'obstacle__type': 'polygon_collection'} if request.param else {}
-    process.kill()
-    process.wait()
+    run(ROOT / 'examples' / 'scan_to_polygons.py', '--ros-args', '-p',
+        f'in_one_message:={request.param}')
+    return {'obstacle__type': 'polygon_collection'} if request.param else {}
 
 
 def test_scans_are_checked(start, converter):

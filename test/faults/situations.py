@@ -198,9 +198,9 @@ class Stage(Witness):
 
     def close(self) -> None:
         """Stop all threads and processes."""
+        super().close()
         for publisher in self.publishers:
             publisher.kill()
-        super().close()
 
     def _receive_state(self, states: DiagnosticArray) -> None:
         self.message = states.status[0].message

@@ -17,19 +17,16 @@ from situations import judge, SITUATIONS, SLACK
 _SLOW = 10.0
 
 
+@pytest.fixture(scope='class')
+def made(module_domain):
+    """Share a rig, which is closed before situations begin."""
+    with rig(module_domain) as made:
+        yield made
+
+
 @pytest.mark.long
 class TestFault:
-    """
-    Each fault is detected, and no flag says clear meanwhile.
-
-    All share a rig, which is closed before situations begin: while it publishes, destroying the
-    node of another participant has ended the process (Fast DDS 2.14.5).
-    """
-
-    @pytest.fixture(scope='class')
-    def made(self, module_domain):
-        with rig(module_domain) as made:
-            yield made
+    """Each fault is detected, and no flag says clear meanwhile."""
 
     @pytest.mark.parametrize('fault', FAULTS)
     def test_fault(self, made, fault):

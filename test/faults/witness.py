@@ -73,15 +73,20 @@ class Witness:
         return time.monotonic() - begun
 
     def close(self) -> None:
-        """Stop all threads and processes."""
-        for process in self._processes:
-            process.kill()
-            process.wait()
+        """
+        Stop all threads and processes.
+
+        The node leaves first: Fast DDS 2.14.5 ends a process whose participant leaves within
+        about a second after one that it shares memory with was killed while sending.
+        """
         self._is_open = False
         self._thread.join()
         self._executor.shutdown()
         self.node.destroy_node()
         self._context.shutdown()
+        for process in self._processes:
+            process.kill()
+            process.wait()
 
     def _spin(self) -> None:
         while self._is_open:

@@ -130,6 +130,30 @@ def test_corrected_transform_counts_at_once(timeout, topic):
     assert world.monitor.received['robot'] == received, 'it has not moved'
 
 
+@pytest.mark.parametrize('parent', ['odom', 'site'])
+def test_static_frame_that_begins_to_move_counts_at_once(parent):
+    """Its first pose is from before it was placed; there may be none until its parent has one."""
+    world = OutlineWorld()
+    world.wait_until(0.2)
+    world.receive_transforms(TF_STATIC, ('odom', 'base', 0, 48.0, 0.0))
+    world.receive_transforms(TF, (parent, 'base', nanoseconds(0.1), 49.5, 0.0))
+    if parent == 'site':
+        world.wait_until(0.6)
+        assert world.status() == 'clear' and world.monitor.deadline >= world.now
+        world.receive_transforms(TF, ('odom', 'site', nanoseconds(0.1), 0.0, 0.0))
+    assert world.status() == 'collision' and world.state().age == pytest.approx(world.time - 0.1)
+
+
+def test_frame_that_becomes_static_where_it_is_does_not_expire():
+    world = OutlineWorld()
+    world.move(0.1, 7.0)
+    world.receive_transforms(TF_STATIC, ('odom', 'base', 0, 7.0, 0.0))
+    for _ in range(10):
+        world.wait_until((world.monitor.deadline + 1 - START) / SECOND)
+        assert world.status() == 'clear'
+    assert world.time > 2
+
+
 def test_static_frame_without_a_timeout_has_no_deadline():
     world = OutlineWorld(replace(ROBOT, timeout=0.0))
     world.receive_transforms(TF_STATIC, ('odom', 'base', 0, 7.0, 0.0))

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 import gc
+import os
 import sys
 import time
 from typing import Any
@@ -22,6 +23,7 @@ from rclpy.clock import JumpThreshold, TimeJump
 from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.event_handler import QoSSubscriptionMatchedInfo
+from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.logging import (
     get_logger, get_logger_effective_level, get_logger_level, LoggingSeverity, set_logger_level)
 from rclpy.node import Node
@@ -422,8 +424,8 @@ def run(args: Sequence[str]) -> int:
     _quieten_rcl()
     try:
         node = FootprintMonitor(context=context)
-    except ParameterError as error:
-        get_logger(NAME).fatal(str(error))
+    except (ParameterError, ParameterException, NameValidationException) as error:
+        get_logger(NAME).fatal(in_one_line(error))
         rclpy.shutdown(context=context)
         return 1
     for words in unused_files(args, node.get_fully_qualified_name()):
@@ -468,10 +470,11 @@ def unused_files(ros: Sequence[str], node: str) -> Iterator[str]:
     `ros` has the ROS arguments, `node` is the full name of the node.
     """
     for option, path in zip(ros, ros[1:]):
-        if option != '--params-file':
+        if option != '--params-file' or not os.path.isfile(path):  # a pipe can be read only once
             continue
-        with open(path) as file:
-            names = [name for content in yaml.safe_load_all(file)
+        # Values may be of any kind, as rcl has read them already.
+        with open(path, 'rb') as file:
+            names = [name for content in yaml.load_all(file, yaml.BaseLoader)
                      for name, _ in parameters_by_node(content)]
         if not any(is_name_of(name, node) for name in names):
             yield (f'{path} has no parameters for {node}, only for {", ".join(names) or "none"}: '

@@ -152,7 +152,9 @@ class Subscriptions:
             self.inputs.append(Input(source.name, create(),
                                      isinstance(source, FootprintSettings), topic, depth))
         except RuntimeError as error:
-            raise ParameterError(f'{source.topic}: {error}') from error
+            raise ParameterError(
+                f'{source.topic}: {error}: give {source.name} a topic that this node has in no '
+                'other type, and QoS overrides that the middleware accepts') from error
         self._node.get_logger().info(f'{source.name}: {kind.__name__} on {source.topic}')
 
     def _report_incompatible_qos(self, topic: str,

@@ -177,6 +177,10 @@ def test_signal_that_the_shell_ignores(launch_ready, peer):
 @pytest.mark.parametrize('arguments, words', [
     (['-p', 'footprint.timeout:=soon'], 'footprint.timeout'),
     (['-p', 'qos_overrides./footprint.subscription.durability:=latched'], 'latched'),
+    (['-p', 'qos_overrides./footprint.subscription.depth:=many'], 'depth'),
+    (['-p', 'use_sim_time:=soon'], 'use_sim_time'),
+    (['-p', 'obstacle.topic:=/rosout'], 'in no other type'),
+    (['-p', 'footprints:=[' + 240 * 'a' + ']'], 'topic length'),
     (['--params-file', 'nowhere.yaml'], 'nowhere.yaml'),
     # Subscribers that follow README's rule could not use such rare flags.
     (['-p', 'publish_rate:=0.1'], 'publish_rate'),
@@ -235,6 +239,20 @@ def test_parameter_file_without_this_node_is_found(tmp_path, names, is_used):
     path.write_text(yaml.safe_dump(with_parameters(names)))
     words = list(unused_files(['-p', 'a:=1', '--params-file', str(path)], '/footprint_monitor'))
     assert not words if is_used else f'{path} has no parameters for' in words[0]
+
+
+@pytest.mark.parametrize('value', ['2026-99-99', '=', '!ours text', 'é'])
+def test_parameter_file_may_have_any_value(tmp_path, value):
+    """Those of other nodes need not be valid YAML 1.1; rcl takes all of these as texts."""
+    path = tmp_path / 'a.yaml'
+    path.write_text(f'other: {{ros__parameters: {{one: {value}}}}}\n', encoding='utf-8')
+    assert len(list(unused_files(['--params-file', str(path)], '/footprint_monitor'))) == 1
+
+
+def test_parameter_file_that_is_a_pipe(tmp_path):
+    """It is not opened again: nobody writes it twice."""
+    os.mkfifo(tmp_path / 'a.yaml')
+    assert not list(unused_files(['--params-file', str(tmp_path / 'a.yaml')], '/any'))
 
 
 def test_parameter_file_for_other_nodes_is_warned_of(launch, tmp_path):

@@ -256,7 +256,7 @@ class _Check:
         if self._options.start:
             latched = {TF_STATIC} & {*self._transforms} | (
                 set() if by_header else self._recording.latched & names.keys())
-            self._receive_latched(latched, names, start, numbers)
+            self._receive_latched(latched, names, start, numbers, ordered)
         for topic, time, batch in runs:
             if by_header and not now:
                 if not time or topic in TRANSFORM_TOPICS:
@@ -353,12 +353,14 @@ class _Check:
                              Timer(1.0 / self._settings.marker_rate, outputs.publish_markers)]
 
     def _receive_latched(self, topics: Set[str], names: dict[str, list[str]], start: int,
-                         numbers: dict[str, int]) -> None:
+                         numbers: dict[str, int], ordered: Iterable[Timed]) -> None:
         """Receive what publishers of latched topics sent before the start: they send it again."""
         for topic, _, messages in self._rows(topics, None, start):
             self._lose(names[topic], messages)
             number = numbers.pop(topic, None)
             for data in messages if topic == TF_STATIC else ():
+                if isinstance(ordered, StampOrder):
+                    ordered.are_first(data)
                 self._keep(self._monitor.receive_transforms(topic, data, self._now))
             for name in names[topic]:
                 self._receive(name, messages, self._now, number)

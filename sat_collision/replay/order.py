@@ -143,9 +143,10 @@ class StampOrder:
                     run, run_topic = [data], ''
                     count += 1
                     if topic == TF_STATIC:
-                        # Static transforms are valid at any time, corrected ones from then on.
-                        time = (received or latest) if self._corrects(data) else 0
-                        waiting.append((time, count, topic, run))
+                        # They count from then on, the first of their frames at any time, too.
+                        waiting.append((received or latest, count, topic, run))
+                        if self.are_first(data):
+                            waiting.append((0, count, topic, [data]))
                         continue
                     time = stamp = _tf_stamp(data) if topic == TF else header_stamp(data)
                     if by_header:
@@ -182,18 +183,18 @@ class StampOrder:
         self._end_sets()
         yield from self._take(None)
 
-    def _corrects(self, data: bytes) -> bool:
-        """Return whether static transforms of a message are not the first of their frames."""
+    def are_first(self, data: bytes) -> bool:
+        """Return whether the next static transforms are the first of their frames, or as these."""
         try:
             found: dict[str, object] = {child: (parent, transform) for parent, child, _, transform
                                         in decode_transforms(data)}
         except MessageError:
             return False
         if found == {child: self._static.setdefault(child, one) for child, one in found.items()}:
-            return False
+            return True
         # Those that follow count after this one, also where they are as the first one again.
         self._static.update(dict.fromkeys(found))
-        return True
+        return False
 
     def _add_to_set(self, topic: str, counted: _Counted) -> None:
         """Add messages to the set that is being received on a topic, or to the next one."""

@@ -298,19 +298,27 @@ def test_map_moves_with_its_frame(tmp_path, kind, as_live):
 
 @pytest.mark.parametrize('clock', ['receive', HEADER])
 @pytest.mark.parametrize('as_live', [False, True])
-def test_corrected_static_transform_counts_from_then_on(tmp_path, as_live, clock):
-    """Those of other frames, and that of the same frame again, are valid at any time."""
-    sent = {1.0: 10.0, 2.0: 0.5, 2.5: 0.5, 3.0: 10.0, 4.0: 10.0}
+@pytest.mark.parametrize('moving', [(), (2.0,), (0.0, 1.0, 2.5, 3.0), (0.0, 3.0, 4.0)])
+@pytest.mark.parametrize('start', [0.0, 1.5])
+def test_corrected_static_transform_counts_from_then_on(tmp_path, as_live, clock, moving, start):
+    """
+    Those of other frames, and that of the same frame again, are valid at any time.
+
+    The frame moves for a while from some of these times on.
+    """
+    sent = {0.0: 10.0, 1.0: 10.0, 2.0: 0.5, 2.5: 0.5, 3.0: 10.0, 4.0: 10.0}
     messages = []
-    for k in range(2, 50):
+    for k in range(50):
         time = k / 10
+        last = max(one for one in sent if one <= time)
+        messages += [('/tf', time, transforms(
+            ('odom', 'site', nanoseconds(time), sent[last], 0.0))) for _ in range(last in moving)]
         messages += [('/tf_static', time, transforms(
-            ('odom', 'site', 0, sent[time], 0.0))) for _ in range(time in sent)]
+            ('odom', 'site', 0, sent[time], 0.0))) for _ in range(time in {*sent} - {*moving})]
         messages += [(topic, time, serialised(points, nanoseconds(time), frame_id))
                      for topic, points, frame_id in (('/obstacles', box(0), 'site'),
                                                      ('/footprint', box(0), 'odom'))]
-    first = '/tf_static', 0.0, transforms(('odom', 'site', 0, 10.0, 0.0))
-    result = run(tmp_path / 'bag', [first, *messages], clock=clock, as_live=as_live)
+    result = run(tmp_path / 'bag', messages, clock=clock, as_live=as_live, start=start)
     contact, = result.contacts
     assert 1.9 <= seconds(contact.first) <= 2.2 and 2.9 <= seconds(contact.last) <= 3.2
 

@@ -244,8 +244,8 @@ class FootprintMonitor(Node):
 
     def due(self, now: int, steady: float) -> float:
         until = (self._monitor.deadline - now) / 1e9
-        due = min(max(steady + until, self._ticked + _SHORTEST_TICK),
-                  self._ticked + self._tick_period)
+        change = min(steady + until, self._publishing.next)
+        due = min(max(change, self._ticked + _SHORTEST_TICK), self._ticked + self._tick_period)
         # Ticks that take long leave time between them, for what comes after flags, too.
         taken = self._tick_ended - self._ticked
         return max(due, self._tick_ended + min(taken, self._tick_period / 2.0))

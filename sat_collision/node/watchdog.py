@@ -139,15 +139,15 @@ class Every:
 
     def __init__(self, period: float) -> None:
         self._period = period
-        self._next = 0.0
+        self.next = 0.0
 
     def due(self, now: float) -> bool:
         """Return whether it is due; if so, it is due again a period later."""
-        if now < self._next:
+        if now < self.next:
             return False
-        self._next += self._period
-        if self._next <= now:
-            self._next = now + self._period
+        self.next += self._period
+        if self.next <= now:
+            self.next = now + self._period
         return True
 
 

@@ -9,6 +9,7 @@
 
 """Flags and states of a running node."""
 
+import math
 import statistics
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -79,19 +80,12 @@ def test_flag_of_unknown_can_be_lowered(start):
     monitor.until(lambda: monitor.flag() and monitor.flag('footprint'))
 
 
-class Never:
-    """A timer that is never due."""
-
-    def due(self, now):
-        return False
-
-
 def test_change_is_published_at_once(start):
     """Even if nothing is published at regular times."""
     monitor = start(**LASTING)
     monitor.become('clear', APART)
     monitor.until(lambda: monitor.flag() is False and monitor.flag('footprint') is False)
-    monitor.monitor._publishing = Never()
+    monitor.monitor._publishing.next = math.inf
     for obstacle, state in 2 * ((TOUCHING, 'collision'), (APART, 'clear')):
         monitor.send_set('obstacles', obstacle)
         monitor.await_state(state)

@@ -215,5 +215,7 @@ def test_tick_is_due_at_the_next_deadline(domain):
     assert node.due(now + SECOND, late) == about(ticked + 0.02), 'no more often than that'
     node._tick_ended = ticked + 0.03
     assert node.due(now + SECOND, late) == about(ticked + 0.06), 'as long again as the last took'
+    node._ticked = node._tick_ended = ticked + 0.08
+    assert node.due(now - SECOND, late) == about(ticked + 0.1), 'flags are due, whatever ticked'
     node.destroy_node()
     context.shutdown()

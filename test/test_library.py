@@ -167,10 +167,11 @@ def test_geometries_of_arrays_are_accepted():
         assert intersects(Geometry({'type': kind, 'coordinates': at}), [(0, 0)])
 
 
-def test_holes_as_a_second_argument_are_refused():
+@pytest.mark.parametrize('holes', [[[(0.5, 0.5), (1, 0.5), (1, 1)]], True])
+def test_holes_as_a_second_argument_are_refused(holes):
     """As shapely.Polygon accepts them."""
     with pytest.raises(TypeError, match='max_vertices has to be an integer.*holes'):
-        Polygon(SQUARE, [[(0.5, 0.5), (1, 0.5), (1, 1)]])
+        Polygon(SQUARE, holes)
 
 
 def test_motion_of_a_polygon_object_is_refused():

@@ -101,6 +101,14 @@ def test_hidden_rows_have_no_contacts_until_placed():
     assert bodies.intersecting_rows(square).tolist() == [1, 2, 3]
 
 
+@pytest.mark.parametrize('row', [1.0, True, np.True_])
+@pytest.mark.parametrize('use', [lambda bodies, row: bodies.replace(row, [(0, 0)]),
+                                 PolygonSet.remove, PolygonSet.polygon])
+def test_rows_that_are_no_integers_are_refused(use, row):
+    with pytest.raises(TypeError, match='integer'):
+        use(PolygonSet([[(0, 0)], [(1, 1)]]), row)
+
+
 @pytest.mark.parametrize('row', [2, 9, 100000, -1, -2])
 @pytest.mark.parametrize('use', [lambda bodies, row: bodies.replace(row, [(0, 0)]),
                                  PolygonSet.remove, PolygonSet.polygon])
@@ -122,8 +130,6 @@ def test_removed_rows_are_refused():
             use(bodies, 0)
     assert [bodies.append([(2, 2)]), bodies.append([(3, 3)])] == [0, 2]
     assert len(bodies) == 3
-    with pytest.raises(TypeError, match='integer'):
-        bodies.remove(0.5)
     bodies.remove(np.int32(2))
     assert bodies.intersecting_rows([(0, 0), (4, 4)]).tolist() == [0, 1]
 

@@ -15,7 +15,7 @@ import enum
 import math
 from numbers import Number
 from operator import index
-from typing import Any, Protocol, TypeAlias
+from typing import Any, Protocol, SupportsIndex, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -145,7 +145,7 @@ class Polygon:
 
     def __init__(self, points: BodyLike, max_vertices: int = MAX_VERTICES) -> None:
         try:
-            limit = index(max_vertices)
+            limit = integer(max_vertices)
         except TypeError:
             raise TypeError(f'max_vertices has to be an integer, but is {max_vertices!r}; holes '
                             'cannot be given: a body is all that its outline encloses') from None
@@ -372,6 +372,13 @@ def coordinates(points: BodyLike) -> NDArray[np.float64]:
         raise PolygonError(Reason.NOT_FINITE, f'a coordinate is {error}') from error
     except ValueError as error:
         raise _wrong(f'coordinates that are {error}') from error
+
+
+def integer(value: SupportsIndex) -> int:
+    """Return an integer; raise `TypeError` for any other value, True and False among them."""
+    if isinstance(value, bool):
+        raise TypeError(f'{value} is not an integer')
+    return index(value)
 
 
 def array_of(values: Any) -> NDArray[Any]:

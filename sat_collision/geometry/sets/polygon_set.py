@@ -12,7 +12,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-import operator
 from sys import getrefcount
 from threading import Lock
 from typing import Any
@@ -24,8 +23,8 @@ from sat_collision.geometry.body.layout import (
     new_array, packed_size, packed_sizes, slices_of, USED, value_of, views_of)
 from sat_collision.geometry.body.packing import DOUBLE, PAIR
 from sat_collision.geometry.body.polygon import (
-    as_polygon, BodyLike, coordinates, double, ends_of, is_geometry, MAX_VERTICES, PackedBody,
-    Polygon, PolygonError, Reason, size_of, UNMOVED)
+    as_polygon, BodyLike, coordinates, double, ends_of, integer, is_geometry, MAX_VERTICES,
+    PackedBody, Polygon, PolygonError, Reason, size_of, UNMOVED)
 from sat_collision.geometry.compiled.jit import COMPILED, indexable
 from sat_collision.geometry.motion.prediction import first_row_met, motion_of, ways_of
 from sat_collision.geometry.pair.separating_axis import MEET
@@ -359,7 +358,7 @@ class PolygonSet:
 
     def _checked(self, row: int) -> int:
         """Return a row as an int; raise `IndexError` if it has no body."""
-        number = operator.index(row)
+        number = integer(row)
         if not 0 <= number < self._used_rows:
             raise IndexError(f'no row {number} in a set of {self._used_rows} rows')
         if not self._rows.n[number]:

@@ -259,6 +259,8 @@ class FootprintMonitor(Node):
             now = self.present(time.monotonic())
         if self._looking.due(steady) or goes_on:
             self._look_around(now, steady)
+        if self._monitor.deadline < now:
+            self._outputs.markers_current = False
         self._log(self._monitor.advance(now))
         self._publish_changes()
         self._looks_ahead = True

@@ -61,6 +61,20 @@ def test_markers_follow_the_scene(start):
         'footprint/fill', 'footprint/outline', 'footprint/name'})
 
 
+def test_obstacles_that_are_too_old_leave_the_markers(start):
+    """Where no message comes, and the second one changes no state: that is unknown by then."""
+    monitor = start(marker_rate=50.0, **{**LASTING, 'obstacle__timeout': 4.0})
+    received = monitor.markers()
+    monitor.become('clear', APART)
+    stamp = monitor.now()
+    for points, age in ((APART, 0.0), (box(7, 7), 1.0), (box(9, 9), 1.9), ([], 0.0)):
+        monitor.send('obstacles', points, stamp - round(age * SECOND))
+    for left in (3, 1):
+        monitor.until(lambda: 8 * left == sum(
+            len(marker.points) for marker in received[-1].markers
+            if marker.ns == 'obstacle/outline'), f'{left} obstacles')
+
+
 def test_no_markers_are_made_without_a_subscriber(start, monkeypatch):
     calls = []
     message = Markers.message

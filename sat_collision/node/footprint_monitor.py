@@ -273,7 +273,8 @@ class FootprintMonitor(Node):
             faults = [fault for one in self._transform_inputs for fault in faults_of(self, one)]
             self._health.publish(self._monitor, self._outputs.statuses(), faults)
             if self._transform_inputs and not self.count_publishers(TF):
-                faults.append(f'{TF} has no publisher: start what publishes the transforms')
+                faults.append(f'{self.resolve_topic_name(TF)} has no publisher: start what '
+                              'publishes the transforms')
             self._scene.note_transforms(tuple(faults))
             for name, source in self._scene.sources.items():
                 if source.knowledge.is_known and source.advice and name not in self._advised:

@@ -21,6 +21,7 @@ from sat_collision.monitor import Monitor
 from sat_collision.node.loop import Backlog
 from sat_collision.node.publishers import publishers_of_tf
 from sat_collision.scene.frames import in_words
+from sat_collision.scene.settings import TF
 
 # A shorter backlog, in s, is a burst that is just being taken.
 _NOTEWORTHY = 0.1
@@ -148,7 +149,8 @@ class Health:
         if twice:
             publishers = ', '.join(sorted(publishers_of_tf(self._node))) or 'unknown'
             frames = ', '.join(map(in_words, [*twice][:_MAX_NAMED]))
-            problems.append(f'more than one publisher of /tf, of {publishers}, sends {frames}')
+            problems.append(f'more than one publisher of {self._node.resolve_topic_name(TF)}, of '
+                            f'{publishers}, sends {frames}')
         if not self._node.get_clock().ros_time_is_active and self._node.count_publishers('/clock'):
             problems.append('/clock is published, but not used here: set use_sim_time: true')
         if refused > self._refused:

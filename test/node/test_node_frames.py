@@ -226,8 +226,9 @@ def test_contacts_match_the_true_poses(start_with_tf, seed):
 
 
 def test_start_without_transforms_logs_what_to_do(start_with_tf):
-    running = start_with_tf(footprint__radius=0.5, footprint__frame_id='base')
-    assert running.logged('unknown since the start: ', '/tf has no publisher: start what')
+    running = start_with_tf(footprint__radius=0.5, footprint__frame_id='base',
+                            arguments=('-r', '/tf:=/robot/tf'))
+    assert running.logged('unknown since the start: ', ' /robot/tf has no publisher: start what')
 
 
 def test_start_with_transforms_of_other_frames_logs_what_to_do(start_with_tf):

@@ -144,6 +144,17 @@ def test_static_frame_that_begins_to_move_counts_at_once(parent):
     assert world.status() == 'collision' and world.state().age == pytest.approx(world.time - 0.1)
 
 
+def test_place_by_a_static_frame_that_moves_now_gives_way_to_an_older_one():
+    """The frame above it lags behind it, and may have moved since it was thought to stand."""
+    world = OutlineWorld()
+    world.receive_transforms(TF_STATIC, ('odom', 'site', 0, 48.0, 0.0))
+    for time in (0.1, 0.2):
+        world.move(time, 0.0, parent='site')
+    assert world.status() == 'clear'
+    world.receive_transforms(TF, ('odom', 'site', nanoseconds(0.1), 49.5, 0.0))
+    assert world.status() == 'collision' and world.state().age == pytest.approx(0.1)
+
+
 def test_frame_that_becomes_static_where_it_is_does_not_expire():
     world = OutlineWorld()
     world.move(0.1, 7.0)
@@ -505,7 +516,7 @@ def test_changed_outline_counts_where_its_frame_has_an_older_pose_only():
     world.move(0.1, 1.0, 0.5, parent='map')
     world.move(0.3, 1.0)
     world.move(0.4, 1.0, 0.5, parent='map')
-    assert world.status() == 'clear' and world.bounds()[0] == 0.5
+    assert world.status() == 'clear' and world.bounds()[0] == 48.5
     world.use(points='[[-0.5, -0.5], [1.5, 0.0], [-0.5, 0.5]]')
     assert world.status() == 'collision' and world.state().age == pytest.approx(0.3)
 

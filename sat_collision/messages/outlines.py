@@ -135,9 +135,7 @@ class Outlines:
             one.begun = now
         found = self._transforms.lookup_affine(settings.frame_id, 0, now)
         if isinstance(found, NoTransform):
-            if one.is_static:
-                # It is so no longer: any pose to come is newer.
-                one.is_static, one.stamp = False, 0
+            one.is_static = False
             has_waited = (one.stamp is None and one.begun is not None
                           and now > one.begun + self._timeout)
             if one.fault == found.lasting or found.may_come and not has_waited:
@@ -248,11 +246,14 @@ class _PlacedOutline:
         self.begun = None  # since when it has waited for one
 
     def is_moved(self, found: Mapped, now: int) -> bool:
-        """Return whether a place is newer than the last one, or corrects it."""
-        if self.stamp is None or self.is_static != (found.at is None):
+        """
+        Return whether a place is another one than the last, or is to be refreshed.
+
+        It is of an older time where the frames above it have changed.
+        """
+        if self.is_static != (found.at is None) or found.affine != self.affine:
             return True
-        is_newer = now >= self._refreshed if found.at is None else found.at > self.stamp
-        return is_newer or found.at in (None, self.stamp) and found.affine != self.affine
+        return now >= self._refreshed if found.at is None else found.at != self.stamp
 
     def due(self, timeout: int) -> float:
         """Return when it must be checked even without a message, in ns."""

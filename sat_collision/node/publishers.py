@@ -39,9 +39,11 @@ class Publishers:
         self._node = node
         self._inputs = inputs
         self._looks = 0
-        # By name of an input: how many publishers have lost their liveliness (the middleware still
-        # counts them); whether they may have changed; and those that `news` reported last.
-        self.dead: dict[str, int] = {}
+        # By name of an input: the gids of publishers that have lost their liveliness, which the
+        # middleware still lists; how many these are, where it has just told so; whether publishers
+        # may have changed; and those that `news` reported last.
+        self._dead: dict[str, set[str]] = {one.name: set() for one in inputs}
+        self._count_dead: dict[str, int] = {}
         self.changed = {one.name for one in inputs}
         self.reported: dict[str, list[Endpoint]] = {}
         # By name of an input: how many publishers are matched with it; how many were matched since
@@ -60,6 +62,17 @@ class Publishers:
         self.changed.add(name)
         self._matched[name] = event.current_count
         self._unseen[name] += event.total_count_change
+
+    def note_liveliness(self, name: str, count: int, change: int) -> None:
+        """
+        Record how many publishers of an input have lost their liveliness, and the change of that.
+
+        Without a change the count may be wrong: of a subscription that was made anew, Fast DDS
+        goes on to count a publisher that has gone.
+        """
+        self.changed.add(name)
+        if change:
+            self._count_dead[name] = max(count, 0)  # Fast DDS also counts down to -1 then
 
     def forget_matched(self, name: str) -> None:
         """Reset the matched publishers of an input, which has a new subscription."""
@@ -141,12 +154,14 @@ class Publishers:
         endpoints.sort(key=lambda endpoint: (
             known.index(endpoint.gid) if endpoint.gid in known else len(known)))
         self._order[one.name] = [endpoint.gid for endpoint in endpoints]
-        # The middleware does not report which ones have died: assume the oldest.
-        dead = self.dead.get(one.name, 0)
-        self._receivable[one.name] = {
-            endpoint.gid for endpoint in endpoints if not endpoint.problem}
+        receivable = [endpoint.gid for endpoint in endpoints if not endpoint.problem]
+        self._receivable[one.name] = {*receivable}
+        if (count := self._count_dead.pop(one.name, None)) is not None:
+            # The middleware does not report which ones have died: assume the oldest.
+            self._dead[one.name] = {*receivable[:count]}
         return [endpoint for endpoint in endpoints if endpoint.problem] + [
-            endpoint for endpoint in endpoints if not endpoint.problem][dead:]
+            endpoint for endpoint in endpoints
+            if not endpoint.problem and endpoint.gid not in self._dead[one.name]]
 
 
 def faults_of(node: Node, one: Input) -> list[str]:

@@ -170,8 +170,8 @@ class Subscriptions:
 
     def _note_liveliness(self, source: FootprintSettings | ObstacleSettings,
                          event: QoSLivelinessChangedInfo) -> None:
-        self.publishers.dead[source.name] = event.not_alive_count
-        self.publishers.changed.add(source.name)
+        self.publishers.note_liveliness(
+            source.name, event.not_alive_count, event.not_alive_count_change)
         self._health.count_event(source.topic, 'liveliness lost',
                                  max(event.not_alive_count_change, 0))
 

@@ -393,6 +393,24 @@ def test_new_publisher_is_reported_at_once_beside_one_that_has_gone(graph):
     assert look() == ['/b']
 
 
+def test_lost_liveliness_is_that_of_a_publisher_which_is_still_there(graph):
+    """Fast DDS counts down to -1, and not down when one that has died leaves."""
+    infos, look, publishers = graph
+
+    def reported(count, change):
+        publishers.note_liveliness('obstacle', count, change)
+        look()
+        look()
+        return [one.node for one in publishers.reported['obstacle']]
+    infos += [info('a'), info('b')]
+    assert [reported(0, 0), reported(1, 1)] == [['/a', '/b'], ['/b']]
+    assert reported(-1, -2) == ['/a', '/b']
+    assert reported(1, 1) == ['/b']
+    del infos[0]
+    infos.append(info('c'))
+    assert reported(1, 0) == ['/b', '/c']
+
+
 @pytest.mark.parametrize('qos, words', [
     (QoSProfile(depth=1), 'the queue here holds 1 messages: set qos_overrides./obstacles'),
     (BEST_EFFORT, 'its publisher is best effort')], ids=['depth', 'best effort'])

@@ -286,9 +286,12 @@ class Listings(Knowledge):
                     f'obstacle of each {what}' + ('' if is_map else ', or leave set_end out'))
         if 0 < self.rate * self.timeout < 1e9:
             return f'sends a set every {1 / self.rate:.2g} s: raise timeout above that'
-        if self._age:
+        if self._age * 1e9 > self.timeout:
             return (f'sends sets whose oldest obstacle, {self._oldest}, is {self._age:.2g} s old '
                     f'when they end, more than {self._timeout_in_words}')
+        if self._age:
+            return (f'has sent no other whole set within {self._timeout_in_words} from the oldest '
+                    'message of the last one')
         return f'has not sent a whole {what} yet'
 
     def _continue(self, message: Message, now: int) -> None:

@@ -333,6 +333,8 @@ USELESS = 'has sent nothing of use for longer than its timeout of 1e-06 s: '
      'old when they end, more than its timeout'),
     ('empty_polygon', '^a700 b300@701 .1400',
      'sends sets whose oldest obstacle, lidar/1, is 1.1e-06 s old'),
+    ('empty_polygon', '^a1 b500 .600 c1000 1100', 'has sent no other whole set within its timeout '
+     'of 1e-06 s from the oldest message of the last one'),
     ('new_stamp', '^a1 b1', 'has not sent a whole set yet'),
     ('new_stamp', '^a1 b2000 c4000 c5001', 'sends a set every 1.5e-06 s: raise timeout above'),
     ('none', '^a1', 'has not been received for its timeout of 1e-06 s and future_tolerance, 1e-07 '

@@ -247,9 +247,9 @@ class _PlacedOutline:
 
     def is_moved(self, found: Mapped, now: int) -> bool:
         """
-        Return whether a place is another one than the last, or is to be refreshed.
+        Return whether a place differs from the last one, or is to be refreshed.
 
-        It is of an older time where the frames above it have changed.
+        Its time may be older than that of the last one, where frames above it have changed.
         """
         if self.is_static != (found.at is None) or found.affine != self.affine:
             return True

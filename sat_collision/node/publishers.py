@@ -40,8 +40,8 @@ class Publishers:
         self._inputs = inputs
         self._looks = 0
         # By name of an input: the gids of publishers that have lost their liveliness, which the
-        # middleware still lists; how many these are, where it has just told so; whether publishers
-        # may have changed; and those that `news` reported last.
+        # middleware still lists; how many it counts, if that is new; whether publishers may have
+        # changed; and those that `news` reported last.
         self._dead: dict[str, set[str]] = {one.name: set() for one in inputs}
         self._count_dead: dict[str, int] = {}
         self.changed = {one.name for one in inputs}
@@ -65,14 +65,14 @@ class Publishers:
 
     def note_liveliness(self, name: str, count: int, change: int) -> None:
         """
-        Record how many publishers of an input have lost their liveliness, and the change of that.
+        Record how many publishers of an input have lost their liveliness, if that has changed.
 
-        Without a change the count may be wrong: of a subscription that was made anew, Fast DDS
-        goes on to count a publisher that has gone.
+        Without a change the count may be wrong: after a subscription was made anew, Fast DDS
+        still counts a publisher that has gone.
         """
         self.changed.add(name)
         if change:
-            self._count_dead[name] = max(count, 0)  # Fast DDS also counts down to -1 then
+            self._count_dead[name] = max(count, 0)  # Fast DDS may count to -1
 
     def forget_matched(self, name: str) -> None:
         """Reset the matched publishers of an input, which has a new subscription."""

@@ -360,7 +360,7 @@ class _Check:
             number = numbers.pop(topic, None)
             for data in messages if topic == TF_STATIC else ():
                 if isinstance(ordered, StampOrder):
-                    ordered.are_first(data)
+                    ordered.note_static(data)
                 self._keep(self._monitor.receive_transforms(topic, data, self._now))
             for name in names[topic]:
                 self._receive(name, messages, self._now, number)

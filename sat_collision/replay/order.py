@@ -145,7 +145,7 @@ class StampOrder:
                     if topic == TF_STATIC:
                         # They count from then on, the first of their frames at any time, too.
                         waiting.append((received or latest, count, topic, run))
-                        if self.are_first(data):
+                        if self.note_static(data):
                             waiting.append((0, count, topic, [data]))
                         continue
                     time = stamp = _tf_stamp(data) if topic == TF else header_stamp(data)
@@ -183,8 +183,8 @@ class StampOrder:
         self._end_sets()
         yield from self._take(None)
 
-    def are_first(self, data: bytes) -> bool:
-        """Return whether the next static transforms are the first of their frames, or as these."""
+    def note_static(self, data: bytes) -> bool:
+        """Note static transforms; return whether they are the first of their frames, or equal."""
         try:
             found: dict[str, object] = {child: (parent, transform) for parent, child, _, transform
                                         in decode_transforms(data)}

@@ -391,8 +391,9 @@ class FootprintMonitor(Node):
                     self._log(self._monitor.paths.check(self._now, [footprint]))
                     yield
             self._outputs.publish_paths()
-        due, self._figures_due = self._figures_due, set()
-        yield from self._outputs.publish_figures(due)
+        if self._figures_due:
+            due, self._figures_due = self._figures_due, set()
+            yield from self._outputs.publish_figures(due)
 
     def _look_ahead(self, name: str) -> None:
         if name in self._scene.looking_ahead:  # parameters may have changed

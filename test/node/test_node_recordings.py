@@ -106,6 +106,8 @@ def test_live_node_and_replay_publish_the_same(start, tmp_path, name):
     for stamp, messages in by_stamp(bag):
         monitor.set_clock(stamp)
         wait(lambda: monitor.monitor.get_clock().now().nanoseconds == stamp)
+        if len(stamps) == 2:
+            monitor.until(lambda: to_ns(received[-1].header.stamp) == stamp, 'the state so far')
         for topic, data in messages:
             monitor.publisher(topic).publish(data)
             sent += 1

@@ -13,17 +13,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import chain
-import math
-from typing import Any, NamedTuple
+from typing import Any
 
 from sat_collision.geometry.body.polygon import PackedBody, Polygon
 from sat_collision.geometry.sets.run import Run
 from sat_collision.scene.contacts import Contacts
-from sat_collision.scene.footprints import Footprint, Origin, Status
+from sat_collision.scene.evaluator import Changes, Evaluator
+from sat_collision.scene.footprints import Footprint, Origin
 from sat_collision.scene.frames import in_quotes
 from sat_collision.scene.obstacle_store import OTHER_FRAME, Shape
 from sat_collision.scene.path import FollowedPath, PathCheck
-from sat_collision.scene.prediction import predict
 from sat_collision.scene.settings import BY_ANOTHER_CLOCK, EMPTY_POLYGON, FAR, NEVER, Settings
 from sat_collision.scene.sources import Source
 from sat_collision.scene.streams import CONTINUES, Endpoint
@@ -35,24 +34,12 @@ OVERTAKEN = 'older than the last'
 
 # The common frame is that of the footprints received in the last so many ns.
 _AGREEMENT = 10**9
-# How much further ahead than needed `look_ahead` predicts, in s, to know when it is due again; it
-# is called more often than that.
-_AHEAD = 0.5
 _DISABLED = 'checking is disabled'
 _NO_CLOCK = ('no clock yet: the time reads 0, as with use_sim_time before the first /clock: '
              'publish /clock, or set use_sim_time to false')
-_NO_SOURCE = 'no obstacle source is enabled'
-_NONE_OF_THEM = 'none of its obstacle sources is enabled'
 _NOT_RECEIVED = 'has not been received yet'
 _CHANGED = 'has not been received since its publisher changed'
 _CLOCK_WAS_SET = 'has not been received since the clock was set'
-
-
-class Changes(NamedTuple):
-    """What has changed since the last report, as names of footprints."""
-
-    changed: list[str]  # with another state, but for its age
-    brief: list[str]  # in collision since then, but neither then nor now
 
 
 class Scene(SceneView):
@@ -60,19 +47,7 @@ class Scene(SceneView):
     Footprints and obstacles, and the state of each footprint.
 
     A new body is checked against the bodies that it may meet; other contacts stay as they are.
-    If knowledge is missing a footprint is unknown, never clear. It is
-
-    - UNKNOWN if the footprint itself is unknown (not received, refused, in another frame, older
-      than its timeout, disabled, with two publishers), if checking is disabled, or if there is no
-      running clock;
-    - else in COLLISION if it shares a point with an obstacle, or is within the margin of one: a
-      proved contact stays true whatever else is unknown;
-    - else UNKNOWN if a source of obstacles is not known, see `knowledge`, or none is enabled:
-      there may be an obstacle that was not received;
-    - else IMMINENT if `look_ahead` predicts a contact within its min_time_to_collision;
-    - else CLEAR, which is reported once it has been so for `release_delay`.
-
-    If a footprint lists sources of its own, only these count for it.
+    `Evaluator` has the rules of the states.
 
     Every method that takes `now` first lets time pass until then, as `pass_time` does. Times are
     ints in ns by one clock. A header stamp that is 0 or in the future counts as now. A body is a
@@ -101,18 +76,13 @@ class Scene(SceneView):
                         for source in settings.obstacles}
         self._footprints = {footprint.name: Footprint(footprint)
                             for footprint in settings.footprints}
-        # What the faults beside those of footprints were last found from.
-        self._causes: tuple[object, ...] = ()
-        # Footprints evaluated since the last call of `take_changes`, and those then in collision.
-        self._evaluated: set[Footprint] = set()
-        self._collided: set[Footprint] = set()
+        self._evaluator = Evaluator(self._footprints, self.sources, self._contacts, settings)
         for footprint in self._footprints.values():
             self._invalidate(footprint, _NOT_RECEIVED)
         self._reevaluate_all()
 
     def _use(self, settings: Settings) -> None:
         self.settings = settings
-        self._release_delay = round(settings.release_delay * 1e9)
         self._future_tolerance = round(settings.future_tolerance * 1e9)
         # The time in s within which a contact of a footprint is imminent, by its name.
         self.looking_ahead = {one.name: one.min_time_to_collision for one in settings.footprints
@@ -125,6 +95,7 @@ class Scene(SceneView):
         A disabled footprint or source drops what it received: enabled again, it starts unknown.
         """
         self._use(settings)
+        self._evaluator.use(settings)
         for source in settings.obstacles:
             self.sources[source.name].configure(source, self._future_tolerance, self._now)
         for new in settings.footprints:
@@ -209,29 +180,8 @@ class Scene(SceneView):
             self._evaluate()
 
     def look_ahead(self, name: str) -> None:
-        """
-        Predict whether a footprint is in contact within its min_time_to_collision, which it has.
-
-        One that was unknown when it was last predicted stays so until it is predicted again.
-        """
-        footprint, threshold = self._footprints[name], self.looking_ahead[name]
-        if footprint.is_imminent is None:
-            footprint.is_imminent = False
-            self._contacts.changed.add(footprint)
-            self._evaluate()
-        if footprint.status is Status.UNKNOWN:
-            footprint.is_imminent = None
-            return
-        found = predict(footprint, self._contacts, self.sources.values(), self._now,
-                        threshold + _AHEAD)
-        seconds = found.seconds if found else math.inf
-        if footprint.is_imminent != (seconds <= threshold):
-            footprint.is_imminent = seconds <= threshold
-            self._contacts.changed.add(footprint)
-            self._evaluate()
-        elif threshold < seconds < math.inf:
-            self.deadline = min(self.deadline,
-                                self._now + int((seconds - threshold) * 1e9) - 1)
+        """Predict whether a footprint is about to be in contact, see `Evaluator.look_ahead`."""
+        self.deadline = min(self.deadline, self._evaluator.look_ahead(name, self._now))
 
     def check_path(self, name: str, path: FollowedPath, outline: Polygon) -> PathCheck:
         """Check the path of a footprint, whose outline is given in its own frame."""
@@ -456,22 +406,8 @@ class Scene(SceneView):
             source.middleware = name
 
     def take_changes(self) -> Changes:
-        changes = Changes([], [])
-        if not self._evaluated:
-            return changes
-        for name, footprint in self._footprints.items():
-            if footprint in self._evaluated:
-                before, collides = footprint.reported, footprint.status is Status.COLLISION
-                if footprint in self._collided and not (
-                        collides or before and before[0] is Status.COLLISION):
-                    changes.brief.append(name)
-                if footprint.evaluation != before or collides and footprint.gained_or_lost:
-                    footprint.reported = footprint.evaluation
-                    changes.changed.append(name)
-                footprint.gained_or_lost.clear()
-        self._evaluated.clear()
-        self._collided.clear()
-        return changes
+        """Return what has changed since the last call."""
+        return self._evaluator.take_changes()
 
     def set_clock(self, now: int) -> None:
         """Begin anew, because the clock was set: the times of all that is there are of another."""
@@ -522,33 +458,11 @@ class Scene(SceneView):
 
     def _reevaluate_all(self) -> None:
         """Update the faults, and evaluate the footprints for which something has changed."""
-        monitor_fault = (_DISABLED if not self.settings.enabled else _NO_CLOCK if not self._now
-                         else self._clock_fault)
-        causes = monitor_fault, self.settings, *(one.faults for one in self.sources.values())
-        if causes != self._causes:
-            self._causes = causes
-            for footprint in self._footprints.values():
-                faults = monitor_fault, self._source_faults(footprint)
-                if faults != footprint.other_faults:
-                    footprint.other_faults = faults
-                    self._contacts.changed.add(footprint)
+        self._evaluator.find_faults(
+            _DISABLED if not self.settings.enabled else _NO_CLOCK if not self._now
+            else self._clock_fault)
         self._evaluate()
-
-    def _source_faults(self, footprint: Footprint) -> tuple[str, ...]:
-        """Return why obstacles that a footprint monitors may not have been received."""
-        monitored = [source for name, source in self.sources.items()
-                     if footprint.settings.monitors(name)]
-        if not any(source.settings.enabled for source in monitored):
-            return (_NONE_OF_THEM if footprint.settings.obstacles else _NO_SOURCE),
-        return tuple(chain.from_iterable(source.faults for source in monitored))
 
     def _evaluate(self) -> None:
         """Evaluate the footprints for which something has changed."""
-        changed = self._contacts.changed
-        for footprint in changed:
-            if footprint.evaluate(self._now, self._release_delay):
-                self._evaluated.add(footprint)
-            self.deadline = min(self.deadline, footprint.deadline)
-            if footprint.status is Status.COLLISION:
-                self._collided.add(footprint)
-        changed.clear()
+        self.deadline = min(self.deadline, self._evaluator.evaluate(self._now))

@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Set
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence, Set
 from dataclasses import replace
 from functools import partial
 from itertools import chain
@@ -28,16 +28,16 @@ from sat_collision.messages.transform_listener import TF_STATIC, TRANSFORM_TOPIC
 from sat_collision.monitor import Monitor
 from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.bag.storage import Row
-from sat_collision.replay.live import SceneTape, Timeline
+from sat_collision.replay.live import SceneDrawing, Timeline
 from sat_collision.replay.losses import AfterLoss, apart, LOSS_TYPE, Losses, UNSEEN
 from sat_collision.replay.model.configuration import (
     all_sources, is_subscribed, missing_topics, settings_for, Source, TRANSFORM_TYPE, TWIST_TYPE,
     wrong_types)
 from sat_collision.replay.model.result import (
     FootprintResult, HEADER, moments_of, Options, PLAN, RECEIVE, Result, SourceResult)
+from sat_collision.replay.motion.drawing import MotionDrawing
 from sat_collision.replay.motion.motion import RecordedMotion
 from sat_collision.replay.motion.prediction import HORIZON
-from sat_collision.replay.motion.tape import MotionTape
 from sat_collision.replay.order import (
     ArrivalOrder, by_stamps_as_received, StampOrder, Timed, until_set_back, WINDOW)
 from sat_collision.replay.plans import Plans
@@ -73,16 +73,29 @@ def check(path: str | Path, options: Options = Options(),
 
     Problems of the result say what is wrong with the recording or the parameters. `progress` is
     called from time to time with the fraction of messages that are done.
+
+    With `keyframes` it is checked twice: which moments are drawn depends on what was found.
     """
+    passes = 2 if options.keyframes else 1
     with Recording(path, options.limits) as recording:
-        result = check_recording(recording, options, progress)
+        result = check_recording(recording, options, _part_of(progress, 0, passes))
         result.content = recording.content
+    if options.keyframes and (moments := moments_of(result)):
+        with Recording(path, options.limits) as recording:
+            result.keyframes = check_recording(
+                recording, replace(options, write_bag=None), _part_of(progress, 1, passes),
+                moments).keyframes
     return result
 
 
-def check_recording(recording: Recording, options: Options,
-                    progress: OnProgress | None = None) -> Result:
-    """Check an open recording, as `check` does."""
+def _part_of(progress: OnProgress | None, number: int, count: int) -> OnProgress | None:
+    """Return what reports the progress of one of several parts of the work."""
+    return progress and (lambda share: progress((number + share) / count))
+
+
+def check_recording(recording: Recording, options: Options, progress: OnProgress | None = None,
+                    moments: Sequence[int] = ()) -> Result:
+    """Check an open recording, as `check` does; with keyframes at some moments."""
     path = recording.path
     result = Result(str(path), options)
     try:
@@ -91,7 +104,7 @@ def check_recording(recording: Recording, options: Options,
         # Recordings have no sequence numbers: only what they hold can be judged.
         settings = replace(settings, obstacles=tuple(
             replace(source, assume_no_loss=True) for source in settings.obstacles))
-        _Check(recording, settings, options, result).run(progress)
+        _Check(recording, settings, options, result, moments).run(progress)
     except (ParameterError, OSError) as error:
         result.problems.append(f'{path}: {error}')
     result.problems[:0] = recording.problems
@@ -102,7 +115,7 @@ class _Check:
     """The check of one recording."""
 
     def __init__(self, recording: Recording, settings: Settings, options: Options,
-                 result: Result) -> None:
+                 result: Result, moments: Sequence[int]) -> None:
         self._recording = recording
         self._settings = settings
         self._options = options
@@ -132,18 +145,16 @@ class _Check:
         self._motion: RecordedMotion | None = None
         self._live: Timeline | None = None
         self._timeline: Timeline | RecordedMotion
-        self._tape: SceneTape | MotionTape | None = None
+        self._drawing: SceneDrawing | MotionDrawing | None = None
         if options.as_live:
-            if options.keyframes:
-                self._tape = SceneTape(options.limits.disk, self._scene)
-            self._timeline = self._live = Timeline(self._scene, footprints, self._tape)
+            drawing = self._drawing = SceneDrawing(self._scene, moments) if moments else None
+            self._timeline = self._live = Timeline(self._scene, footprints, drawing)
             self._timers.append(Timer(options.sample, self._live.sample))
         else:
-            if options.keyframes:
-                self._tape = MotionTape(options.limits.disk, settings.footprints)
+            drawn = self._drawing = MotionDrawing(moments) if moments else None
             self._timeline = self._motion = RecordedMotion(
-                settings, self._scene, self._monitor.transforms, footprints, self._tape,
-                None if options.min_ttc is None else max(HORIZON, options.min_ttc))
+                settings, self._scene, self._monitor.transforms, footprints,
+                None if options.min_ttc is None else max(HORIZON, options.min_ttc), drawn)
         self._outputs: BagOutputs | None = None
         self._losses: Losses | None = None
         self._now = 0
@@ -197,16 +208,8 @@ class _Check:
             for source in self._settings.obstacles if source.enabled
             and self._monitor.received[source.name]
             and (advice := self._scene.sources[source.name].advice)]
-        if self._tape:
-            self._tape.finish()
-        if self._tape and self._tape.fault:
-            result.problems.append(
-                f'{recording.path}: --plot: what is to be drawn cannot be kept in the folder of '
-                f'temporary files: {in_one_line(self._tape.fault)}; set TMPDIR to one with space')
-        elif self._tape and self._tape.is_full:
-            result.notes.append('there was more to draw than --max-disk allows to keep')
-        elif self._tape and result.end is not None and (moments := moments_of(result)):
-            result.keyframes = self._tape.keyframes_at(moments, result.end)
+        if self._drawing:
+            result.keyframes = self._drawing.keyframes
 
     def _result_of(self, source: Source) -> SourceResult:
         name = source.name

@@ -11,76 +11,77 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
+from bisect import bisect_left
 from collections import Counter
-from collections.abc import Iterable
-from itertools import groupby
+from collections.abc import Iterable, Sequence
 from math import inf
-from operator import itemgetter
 
-import numpy as np
 from sat_collision.geometry.body.polygon import Polygon
 from sat_collision.geometry.query import separation
-from sat_collision.replay.model.keyframes import Keyframes, ShownBody, Tape
+from sat_collision.replay.model.keyframes import Floats, Keyframes, ShownBody
 from sat_collision.replay.model.result import (
     Contact, FootprintResult, Least, Series, Unknown, Unknowns)
 from sat_collision.scene.footprints import Status
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.scene import Scene
+from sat_collision.scene.settings import NEVER
 
 
-class SceneTape(Tape):
-    """Scenes in a temporary file of limited size; see Tape."""
+class SceneDrawing:
+    """Fills keyframes with the scenes that were current at some moments, given in their order."""
 
-    def __init__(self, max_bytes: int, scene: Scene) -> None:
-        super().__init__(max_bytes)
+    def __init__(self, scene: Scene, moments: Sequence[int]) -> None:
+        self.keyframes = Keyframes([])
         self._scene = scene
-        self._times: list[int] = []
-
-    def keep(self, now: int, depth: float = -inf) -> None:
-        """Write the current scene; of several at one time that with the deepest contact counts."""
-        if self._times[-1:] != [now]:
-            self._times.append(now)
-        self.write(now, depth, *(
-            [(str(name), polygon.vertices.tobytes()) for name, polygon in bodies]
-            for bodies in (self._scene.footprints, self._scene.obstacles)))
-
-    def keyframes_at(self, moments: Iterable[int], end: int) -> Keyframes:
-        """Return keyframes at the times of the scenes that were current at some moments."""
-        times = self._times
-        keyframes = Keyframes(sorted({times[max(bisect_right(times, moment) - 1, 0)]
-                                      for moment in moments}))
+        self._moments = moments
+        self._drawn = 0  # for how many moments scenes were drawn
+        # The last scene: its time, the depth of its contact, and footprints and obstacles.
+        self._last: tuple[int, float, list[list[tuple[str, Floats]]]] | None = None
         # By name, whether it is a footprint, and a number: while a set is being received, two
         # obstacles may have the same name.
-        held: dict[tuple[str, bool, int], ShownBody] = {}
-        for now, scenes in groupby(self._events(), itemgetter(0)):
-            number = keyframes.number(now)
-            if keyframes.moments[number:number + 1] != [now]:
-                continue
-            _, _, *scene = max(scenes, key=itemgetter(1))
-            for is_footprint, bodies in zip((True, False), scene):
-                found: Counter[str] = Counter()
-                for name, vertices in bodies:
-                    key = name, is_footprint, found[name]
-                    found[name] += 1
-                    if key not in held:
-                        held[key] = keyframes.add(is_footprint)
-                    held[key].show(number, number + 1, name,
-                                   np.frombuffer(vertices).reshape(-1, 2))
-        return keyframes
+        self._shown: dict[tuple[str, bool, int], ShownBody] = {}
+
+    def keep(self, now: int, depth: float = -inf) -> None:
+        """Keep the current scene; of several at one time that with the deepest contact counts."""
+        if self._last is not None:
+            last, deepest, _ = self._last
+            if last < now:
+                self.draw_last(now)
+            elif depth <= deepest:
+                return
+        self._last = now, depth, [
+            [(str(name), polygon.vertices.copy()) for name, polygon in bodies]
+            for bodies in (self._scene.footprints, self._scene.obstacles)]
+
+    def draw_last(self, until: float = NEVER) -> None:
+        """Draw the last scene if it is current at a moment before a time."""
+        drawn, self._drawn = self._drawn, bisect_left(self._moments, until)
+        if self._drawn == drawn or self._last is None:
+            return
+        time, _, scene = self._last
+        number = len(self.keyframes.moments)
+        self.keyframes.moments.append(time)
+        for is_footprint, bodies in zip((True, False), scene):
+            found: Counter[str] = Counter()
+            for name, vertices in bodies:
+                key = name, is_footprint, found[name]
+                found[name] += 1
+                if key not in self._shown:
+                    self._shown[key] = self.keyframes.add(is_footprint)
+                self._shown[key].show(number, number + 1, name, vertices)
 
 
 class Timeline:
     """
     Follows a scene and records contacts, unknown times and separations in results of footprints.
 
-    A tape keeps the scene at each sample, and where a contact is deepest.
+    A drawing is given the scene at each sample, and where a contact is deepest.
     """
 
     def __init__(self, scene: Scene, footprints: list[FootprintResult],
-                 tape: SceneTape | None = None) -> None:
+                 drawing: SceneDrawing | None = None) -> None:
         self._scene = scene
-        self._tape = tape
+        self._drawing = drawing
         self.contacts: list[Contact] = []
         # The open contacts by footprint and obstacle, only for footprints that have any.
         self.touching: dict[str, dict[ObstacleId, Contact]] = {}
@@ -118,13 +119,13 @@ class Timeline:
                 # Subtracted from 0.0 instead of negated, which would give -0.0 for touching.
                 if contact.deepen(0.0 - separation(*bodies), now, *bodies):
                     self._results[name].note_least(contact.least)
-                    if self._tape:
-                        self._tape.keep(now, contact.depth)
+                    if self._drawing:
+                        self._drawing.keep(now, contact.depth)
 
     def sample(self, now: int) -> None:
         """Record how far each footprint is from the nearest obstacle, and keep the scene."""
-        if self._tape:
-            self._tape.keep(now)
+        if self._drawing:
+            self._drawing.keep(now)
         for name, series in self._series.items():
             found = None
             if self._since[name][1] is not Status.UNKNOWN:
@@ -144,6 +145,8 @@ class Timeline:
                 contact.last = now
                 contact.at_end = True
         self._unknowns.finish(now)
+        if self._drawing:
+            self._drawing.draw_last()
 
     def _count_time(self, name: str, now: int) -> None:
         if name in self._since:

@@ -12,12 +12,9 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from operator import attrgetter
-import pickle
-import tempfile
-from typing import Any, IO, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,58 +96,3 @@ class Keyframes:
                  if span.name == name and not body.is_footprint]
         return min(found, default=(None, None), key=lambda one: float(np.max(np.maximum(
             one[1].min(axis=0) - place, place - one[1].max(axis=0)))))[0]
-
-
-class Tape:
-    """
-    A temporary file of where bodies were, until the moments of keyframes are known.
-
-    Once it is full, or after a fault of the disk, nothing is kept.
-    """
-
-    def __init__(self, max_bytes: int) -> None:
-        self.is_full = False
-        self.fault: OSError | None = None
-        self._max_bytes = max_bytes
-        self._file: IO[bytes] | None = None
-
-    def write(self, *event: Any) -> None:
-        """Keep an event; what it is made of must be fit for pickle."""
-        if self.is_full or self.fault:
-            return
-        try:
-            if self._file is None:
-                self._file = tempfile.TemporaryFile(prefix='replay_check_')
-            pickle.dump(event, self._file, pickle.HIGHEST_PROTOCOL)
-            self.is_full = self._file.tell() > self._max_bytes
-            if self.is_full:
-                self._file.truncate(0)
-        except OSError as error:
-            self._fail(error)
-
-    def finish(self) -> None:
-        """Write out what was kept so far."""
-        try:
-            if self._file is not None and not self.fault:
-                self._file.flush()
-        except OSError as error:
-            self._fail(error)
-
-    def _fail(self, error: OSError) -> None:
-        self.fault = error
-        if self._file is not None:
-            # It would be written out once more, and its space is needed.
-            with suppress(OSError):
-                self._file.close()
-
-    def _events(self) -> Iterator[Any]:
-        """Yield what was written, in its order, and close the file."""
-        if self._file is None:
-            return
-        with self._file as file:
-            file.seek(0)
-            while True:
-                try:
-                    yield pickle.load(file)
-                except EOFError:
-                    return

@@ -17,5 +17,5 @@ kernels       operations on many rings (outlines as received): bounds, nearest n
 nearness      which bodies are near to a footprint
 prediction    predicted time to collision of a footprint
 motion        all of this applied to a recording
-tape          the motion kept for drawing
+drawing       where all of this was at chosen moments
 """

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 import copy
 from functools import cached_property
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -140,10 +140,6 @@ class Bodies:
 
     def __len__(self) -> int:
         return self._count
-
-    def __getstate__(self) -> dict[str, Any]:
-        arrays = {'points': self.points, 'rings': self.rings, 'boxes': self.boxes}
-        return {**self.__dict__, **arrays, 'batch': None, '_described': None, '_polygons': {}}
 
     @cached_property
     def points(self) -> Floats:

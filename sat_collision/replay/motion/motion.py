@@ -28,8 +28,8 @@ from sat_collision.replay.model.result import (
     Contact, FootprintResult, joined, joined_contacts, Unknown, Unknowns)
 from sat_collision.replay.motion.bodies import Bodies, Interval, LONGEST, SetBatch
 from sat_collision.replay.motion.contacts import ContactResults, ContactTracker
+from sat_collision.replay.motion.drawing import MotionDrawing
 from sat_collision.replay.motion.prediction import Predictor
-from sat_collision.replay.motion.tape import MotionTape
 from sat_collision.replay.motion.tracker import Emit, KeyTracker, SetTracker, Step, Tracker
 from sat_collision.replay.motion.trajectories import Poses, Trajectory
 from sat_collision.scene.obstacles import ObstacleId
@@ -145,14 +145,14 @@ class RecordedMotion:
     """
     Decides whether footprints touched obstacles, from the placements in messages.
 
-    The scene tells when footprints are unknown. Results are filled in, and so is a tape for
-    drawing, if given. Footprints with an outline in the parameters are placed by transforms.
-    Without a horizon, in s, no collisions are predicted.
+    The scene tells when footprints are unknown. Results are filled in, and so is a drawing, if
+    given. Footprints with an outline in the parameters are placed by transforms. Without a
+    horizon, in s, no collisions are predicted.
     """
 
     def __init__(self, settings: Settings, scene: Scene, transforms: TransformListener,
-                 footprints: list[FootprintResult], tape: MotionTape | None = None,
-                 horizon: float | None = None) -> None:
+                 footprints: list[FootprintResult], horizon: float | None = None,
+                 drawing: MotionDrawing | None = None) -> None:
         # In the order in which they are found; in the end, in that of their beginning.
         self.contacts: list[Contact] = []
         # Remarks for the report.
@@ -165,7 +165,7 @@ class RecordedMotion:
         self._start: int | None = None
         self._now = 0
         self._transforms = transforms
-        self._tape = tape
+        self._drawing = drawing
         self._max_vertices = settings.max_vertices
         self._frame_id = settings.frame_id
         self._sources = {source.name: source for source in settings.obstacles}
@@ -240,8 +240,6 @@ class RecordedMotion:
         """Reset the pose of a footprint until its next message; obstacles stay where they are."""
         if name in self._sweeps:
             self._sweeps[name].trajectory.lose()
-            if self._tape:
-                self._tape.write(name, None)
 
     def finish(self, end: int) -> None:
         """Decide all remaining steps at the end of the recording, and complete the results."""
@@ -257,6 +255,8 @@ class RecordedMotion:
             result = sweep.result
             result.last = sweep.trajectory.latest
             sweep.finish(end)
+            if self._drawing:
+                self._drawing.show(name, sweep.trajectory)
             sweep.contacts.draw_curve(self.unknown)
             if sweep.prediction:
                 sweep.prediction.finish(result, self.unknown)
@@ -280,6 +280,8 @@ class RecordedMotion:
                 setattr(result, state, length - before)
                 before = length
             result.clear = end - start - before
+        if self._drawing:
+            self._drawing.finish(end)
         self.contacts[:] = joined_contacts(self.contacts)
         self.contacts.sort(key=attrgetter('first'))
 
@@ -317,8 +319,6 @@ class RecordedMotion:
                           placement.single).between(begin, stamp)
             if poses is None:
                 trajectory.lose()
-                if self._tape:
-                    self._tape.write(placement.name, None)
             for time, affine in poses or ():
                 self._add(sweep, time, sweep.sample(SetBatch(
                     [[placement._replace(stamp=time, affine=affine)]]), is_between=True))
@@ -330,16 +330,16 @@ class RecordedMotion:
     def _add(self, sweep: Sweep, time: int, sample: Bodies) -> None:
         """Add a sample to the trajectory of a footprint."""
         sweep.trajectory.add(time, sample)
-        if self._tape:
-            self._tape.write(sweep.settings.name, sample)
+        if self._drawing:
+            self._drawing.show(sweep.settings.name, sweep.trajectory)
 
     def _emit_of(self, source: str) -> Emit:
         """Return the callback for the steps of a source, which queues them for footprints."""
         concerned = [sweep for sweep in self._sweeps.values() if sweep.settings.monitors(source)]
 
         def emit(tracker: Tracker, step: Step) -> None:
-            if self._tape:
-                self._tape.write(id(tracker), step)
+            if self._drawing:
+                self._drawing.follow(tracker, step)
             for sweep in concerned:
                 sweep.queue(tracker, step, self._now)
         return emit

@@ -24,7 +24,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Sequence, Set
 from dataclasses import dataclass
 from itertools import chain, compress, count, pairwise, repeat, takewhile
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from sat_collision.messages.ingest import Placement
@@ -58,9 +58,6 @@ class Step:
         if self.last is not None and self.seen is not None and not self.made:
             self.made = motion_in_batch(self.last, self.seen)
         return self.made
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return Step, (self.motions, self.seen, self.gone, self.finish)
 
     @property
     def frame_id(self) -> str:

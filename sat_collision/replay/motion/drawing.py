@@ -7,55 +7,20 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Recorded motion in a temporary file, made into keyframes once their moments are known."""
+"""Where recorded motion has the bodies at chosen moments."""
 
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections import defaultdict
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from sat_collision.replay.model.keyframes import Keyframes, ShownBody, Tape
-from sat_collision.replay.motion.bodies import Floats, LinearMotion, LONGEST
-from sat_collision.replay.motion.tracker import Step
+from sat_collision.replay.model.keyframes import Keyframes, ShownBody
+from sat_collision.replay.motion.bodies import Floats, LinearMotion
+from sat_collision.replay.motion.tracker import Step, Tracker
 from sat_collision.replay.motion.trajectories import Trajectory
 from sat_collision.scene.obstacles import ObstacleId
-from sat_collision.scene.settings import FootprintSettings
-
-
-class MotionTape(Tape):
-    """
-    The motion by which contacts are decided, in a temporary file; see Tape.
-
-    An event is the id of a tracker and a step of its source; or the name of a footprint and a
-    sample of it, None if its pose is unknown until the next one.
-    """
-
-    def __init__(self, max_bytes: int, footprints: Sequence[FootprintSettings]) -> None:
-        super().__init__(max_bytes)
-        self._footprints = footprints
-
-    def keyframes_at(self, moments: Sequence[int], end: int) -> Keyframes:
-        """Return keyframes at some moments; the recording ends at a time in ns."""
-        keyframes = Keyframes(moments)
-        trajectories = {one.name: Trajectory(one) for one in self._footprints}
-        drawing = _Drawing(keyframes)
-        for key, event in self._events():
-            if isinstance(event, Step):
-                drawing.follow(key, event)
-                for trajectory in trajectories.values():
-                    trajectory.stand(event.finish)
-            elif event is None:
-                trajectories[key].lose()
-            else:
-                trajectories[key].add(event.begin, event)
-                drawing.show(key, trajectories[key])
-                trajectories[key].drop_before(event.begin - LONGEST)
-        for name, trajectory in trajectories.items():
-            trajectory.stand(end)
-            drawing.show(name, trajectory)
-        drawing.finish(end)
-        return keyframes
 
 
 class _LastSample(NamedTuple):
@@ -67,22 +32,22 @@ class _LastSample(NamedTuple):
     body: ShownBody
 
 
-class _Drawing:
+class MotionDrawing:
     """
-    Fills keyframes with the recorded motion that contacts are decided by.
+    Fills keyframes, at moments given in their order, with the motion that decides contacts.
 
     A body whose motion is not known is shown at its last place, and marked so.
     """
 
-    def __init__(self, keyframes: Keyframes) -> None:
-        self._keyframes = keyframes
-        self._samples: dict[int, dict[ObstacleId, _LastSample]] = {}
+    def __init__(self, moments: Sequence[int]) -> None:
+        self.keyframes = Keyframes(moments)
+        self._samples: defaultdict[Tracker, dict[ObstacleId, _LastSample]] = defaultdict(dict)
         self._footprints: dict[str, ShownBody] = {}
         self._next: dict[str, int] = {}
 
-    def follow(self, tracker: int, step: Step) -> None:
+    def follow(self, tracker: Tracker, step: Step) -> None:
         """Show the bodies of a source in a step."""
-        samples = self._samples.setdefault(tracker, {})
+        samples = self._samples[tracker]
         arrived: dict[ObstacleId, ShownBody] = {}
         for motion in step.motions:
             for i, row in enumerate(motion.rows.tolist()):
@@ -109,18 +74,18 @@ class _Drawing:
                 self._hold(samples[name], stamp)
                 body = samples[name].body
             samples[name] = _LastSample(stamp, str(name), seen.ring(row),
-                                        body or self._keyframes.add())
+                                        body or self.keyframes.add())
 
     def show(self, name: str, trajectory: Trajectory) -> None:
         """Show a footprint on its trajectory, as far as that is known so far."""
         if trajectory.latest is None:
             return
-        until = bisect_right(self._keyframes.moments, trajectory.latest)
+        until = bisect_right(self.keyframes.moments, trajectory.latest)
         for number in range(self._next.get(name, 0), until):
-            outline = trajectory.outline(self._keyframes.moments[number])
+            outline = trajectory.outline(self.keyframes.moments[number])
             if outline is not None:
                 if name not in self._footprints:
-                    self._footprints[name] = self._keyframes.add(is_footprint=True)
+                    self._footprints[name] = self.keyframes.add(is_footprint=True)
                 self._footprints[name].show(number, number + 1, name, outline.vertices)
             else:
                 self._lose(name, number + 1)
@@ -132,24 +97,24 @@ class _Drawing:
             for sample in samples.values():
                 self._hold(sample, end + 1)
         for name in self._footprints:
-            self._lose(name, len(self._keyframes.moments))
+            self._lose(name, len(self.keyframes.moments))
         # Others came and went between two moments.
-        self._keyframes.bodies = [body for body in self._keyframes.bodies if body.spans]
+        self.keyframes.bodies = [body for body in self.keyframes.bodies if body.spans]
 
     def _move(self, sample: _LastSample, motion: LinearMotion, i: int) -> None:
         start, finish = int(motion.starts[i]), int(motion.finishes[i])
-        first, end = self._keyframes.number(start), self._keyframes.number(finish)
+        first, end = self.keyframes.number(start), self.keyframes.number(finish)
         if not motion.moved[i]:
             sample.body.show(first, end, sample.name, motion.ring(i, start))
             return
         for number in range(first, end):
-            ring = motion.ring(i, self._keyframes.moments[number])
+            ring = motion.ring(i, self.keyframes.moments[number])
             sample.body.show(number, number + 1, sample.name, ring)
 
     def _hold(self, sample: _LastSample, end: int) -> None:
         """Show an obstacle at its last place, until before a time."""
-        first, until = self._keyframes.number(sample.time), self._keyframes.number(end)
-        if first < until and self._keyframes.moments[first] == sample.time:
+        first, until = self.keyframes.number(sample.time), self.keyframes.number(end)
+        if first < until and self.keyframes.moments[first] == sample.time:
             sample.body.show(first, first + 1, sample.name, sample.ring)
         sample.body.show(first, until, sample.name, sample.ring, known=False)
 

@@ -145,13 +145,18 @@ def peer(join):
 
 @pytest.fixture
 def run(domain):
-    """Run Python in the domain, with arguments and more environment; it ends with the test."""
+    """
+    Run Python in the domain, with arguments and more environment; it ends with the test.
+
+    It runs in plain Python, which starts in a third of the time, unless told otherwise.
+    """
+    from compiled import plain_python
     started = []
 
     def run(*arguments, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env={}, **options):
         started.append(subprocess.Popen(
             [sys.executable, *arguments], cwd=ROOT, stdout=stdout,
-            stderr=stderr, env={**os.environ, 'ROS_DOMAIN_ID': str(domain), **env}, **options))
+            stderr=stderr, env=plain_python(ROS_DOMAIN_ID=str(domain)) | env, **options))
         return started[-1]
 
     yield run

@@ -32,7 +32,7 @@ SOON = 40.0
 @pytest.mark.parametrize('kind', ['1024-gons', 'combs of 1024', '4-gons', 'truncated', 'NaN'])
 def test_flood_on_one_topic_does_not_block_others(run, peer, kind):
     """Contacts on the other topic are seen soon, and so is a signal."""
-    node = run(*NODE)
+    node = run(*NODE, env={'NUMBA_DISABLE_JIT': '0'})
     peer.until(peer.status, 'a state')
     flooder = run('test/node/flooder.py', kind, str(FLOODED), f'--max={MAX_RATE}')
     peer.until(lambda: (health := peer.health())

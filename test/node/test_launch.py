@@ -17,6 +17,7 @@ import signal
 import subprocess
 import sys
 
+from compiled import plain_python
 import pytest
 
 pytest.importorskip('launch_ros', reason='apt install ros-jazzy-launch-ros')
@@ -53,8 +54,8 @@ def installed(tmp_path):
     (index / 'sat_collision').touch()
     executable.write_text(f'#!/bin/sh\nexec {sys.executable} -m sat_collision.node "$@"\n')
     executable.chmod(0o755)
-    return {**os.environ, 'AMENT_PREFIX_PATH': str(tmp_path),
-            'PYTHONPATH': f'{ROOT}{os.pathsep}{os.environ.get("PYTHONPATH", "")}'}
+    return plain_python(AMENT_PREFIX_PATH=str(tmp_path),
+                        PYTHONPATH=f'{ROOT}{os.pathsep}{os.environ.get("PYTHONPATH", "")}')
 
 
 @pytest.fixture

@@ -19,6 +19,7 @@ import subprocess
 import sys
 import time
 
+from compiled import plain_python
 from geometry_msgs.msg import PolygonStamped
 from harness import box
 import pytest
@@ -79,6 +80,9 @@ def launch(run):
                              stderr=subprocess.STDOUT, text=True)
 
 
+WITH_KERNELS = {'NUMBA_DISABLE_JIT': '0'}
+
+
 def output_until(process, words):
     """Read the process's output up to a line with some words."""
     for line in process.stdout:
@@ -130,7 +134,7 @@ def test_nothing_to_try_is_named_where_something_is_published(launch, peer):
     pytest.param(one, marks=pytest.mark.long) for one in (signal.SIGTERM, signal.SIGHUP))))
 def test_one_signal_ends_a_busy_node_cleanly(launch_ready, peer, number):
     """Status 0, a log line, and no traceback."""
-    process = launch_ready('-p', 'footprint.timeout:=0.0')
+    process = launch_ready('-p', 'footprint.timeout:=0.0', env=WITH_KERNELS)
 
     def collides():
         peer.send('footprint', box(0, 0))
@@ -148,7 +152,7 @@ def test_one_signal_ends_a_busy_node_cleanly(launch_ready, peer, number):
 
 def test_repeated_signals(launch_ready, peer):
     """One per millisecond until it has ended, as `ros2 launch` and users may send."""
-    process = launch_ready()
+    process = launch_ready(env=WITH_KERNELS)
     peer.until(peer.flag)
     while process.poll() is None:
         process.send_signal(signal.SIGINT)
@@ -159,7 +163,7 @@ def test_repeated_signals(launch_ready, peer):
 
 
 def test_signal_while_the_node_starts(launch):
-    process = launch()
+    process = launch(env=WITH_KERNELS)
     output_until(process, 'kernels')
     process.send_signal(signal.SIGINT)
     status, output = ended(process)
@@ -275,7 +279,7 @@ def test_node_runs_with_closed_output(domain, peer):
     """Some supervisors start it without stdout and stderr."""
     process = subprocess.Popen(
         ['sh', '-c', 'exec "$0" -m sat_collision.node >&- 2>&-', sys.executable], cwd=ROOT,
-        env={**os.environ, 'ROS_DOMAIN_ID': str(domain)})
+        env=plain_python(ROS_DOMAIN_ID=str(domain)))
     try:
         peer.until(peer.flag)
         process.terminate()

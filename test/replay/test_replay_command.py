@@ -21,6 +21,7 @@ import sys
 from xml.etree import ElementTree
 
 from builders import collection
+from compiled import plain_python
 import pytest
 from recordings import (
     box, COLLECTION, DECLARED, drive, main, nanoseconds, run_without, SOURCE, STAMPS, START, write)
@@ -241,7 +242,7 @@ def test_report_without_space_does_not_take_the_outputs_with_it(bags, tmp_path, 
     with open('/dev/full', 'w') as full:
         done = subprocess.run(
             [sys.executable, '-m', 'sat_collision.replay', bags[name], DECLARED, '--json',
-             str(path)], stdout=full, stderr=subprocess.PIPE, text=True)
+             str(path)], stdout=full, stderr=subprocess.PIPE, text=True, env=plain_python())
     assert done.returncode == status and json.loads(path.read_text())['verdict'] == name
     assert re.fullmatch('replay_check: standard output: .*No space left on device\n', done.stderr)
 
@@ -253,7 +254,7 @@ def test_bag_without_space_does_not_take_the_verdict_with_it(bags, tmp_path):
         'resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000))\n'
         'from sat_collision.replay.__main__ import main\nsys.exit(main(sys.argv[1:]))',
         bags['collision'], DECLARED, '--as-live', '--write-bag', str(tmp_path / 'written')],
-        capture_output=True, text=True)
+        capture_output=True, text=True, env=plain_python())
     assert out.returncode == 1, out.stderr
     assert '--write-bag: it is not whole' in out.stdout and 'obstacle/0' in out.stdout
 
@@ -329,7 +330,7 @@ def test_progress_is_shown_on_a_terminal_only(monkeypatch):
 def run(*arguments, **environment):
     """Run the command in another process."""
     return subprocess.run([sys.executable, '-m', 'sat_collision.replay', *arguments],
-                          capture_output=True, text=True, env={**os.environ, **environment})
+                          capture_output=True, text=True, env=plain_python(**environment))
 
 
 @pytest.mark.parametrize('missing', ('yaml', 'numpy', 'sat_collision.replay.check'))
@@ -371,7 +372,7 @@ def on_terminal(*arguments, **environment):
     with os.fdopen(slave, 'w') as terminal:
         process = subprocess.Popen(
             [sys.executable, '-m', 'sat_collision.replay', *arguments], stdout=terminal,
-            stderr=subprocess.PIPE, text=True, env={**os.environ, 'TERM': 'xterm', **environment})
+            stderr=subprocess.PIPE, text=True, env=plain_python(TERM='xterm') | environment)
     shown = b''
     while True:
         try:

@@ -31,6 +31,14 @@ OPTIONS = Options(parameters=declared(MARKS))
 CHECK_ONE = parallel.check_one
 
 
+@pytest.fixture(scope='module', autouse=True)
+def plain_processes():
+    """Let processes start in plain Python, which takes a third of the time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv('NUMBA_DISABLE_JIT', '1')
+        yield
+
+
 @pytest.fixture
 def bags(tmp_path):
     """Return recordings, every second one with a contact."""

@@ -284,8 +284,9 @@ def test_gate_needs_a_path(tmp_path, capsys, parameters):
     assert '--fail-on plan: no enabled footprint has a path' in capsys.readouterr().out
 
 
-def test_results_for_machines(tmp_path):
+def test_results_for_machines(tmp_path, monkeypatch):
     """They are the same in other processes, and what differs is found."""
+    monkeypatch.setenv('NUMBA_DISABLE_JIT', '1')
     bags = [str(write(tmp_path / f'bag{k}', drive(plan(1.05, poses)), types=TYPES))
             for k, poses in enumerate((TOUCHING, FREE))]
     arguments = [*bags, f'--obstacles={SOURCE}:=/obstacles',

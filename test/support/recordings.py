@@ -17,6 +17,7 @@ import sys
 import tempfile
 
 from builders import serialised
+from compiled import plain_python
 from published import load
 import pytest
 
@@ -160,7 +161,7 @@ from sat_collision.replay.__main__ import main
 sys.exit(main(sys.argv[1:]))
 """
     return subprocess.run([sys.executable, '-c', program, *arguments], capture_output=True,
-                          text=True)
+                          text=True, env=plain_python())
 
 
 def drive(duration=10.0, rate=10.0, contact=(4.0, 5.0)):

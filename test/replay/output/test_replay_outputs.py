@@ -19,6 +19,7 @@ import sys
 import tempfile
 import textwrap
 
+from compiled import plain_python
 import pytest
 from recordings import box, check, drive, main, published, SOURCE, START, write
 from rosbags.highlevel import AnyReader
@@ -66,7 +67,8 @@ def run_without_ros(program, *arguments):
     """Run a program that cannot import ROS; return its output."""
     return subprocess.run([sys.executable, '-c',
                            textwrap.dedent(WITHOUT_ROS) + textwrap.dedent(program),
-                           *arguments], check=True, capture_output=True, text=True).stdout
+                           *arguments], check=True, capture_output=True, text=True,
+                          env=plain_python()).stdout
 
 
 def test_written_bag_has_all_topics_at_the_right_times(tmp_path):
@@ -120,8 +122,6 @@ def test_written_bag_is_the_same_without_ros_and_numba(tmp_path):
     check(bag, Options(parameters={'margin': 12.0}, duration=1.0, as_live=True,
                        write_bag=str(tmp_path / 'ros')), set_end=None)
     out = run_without_ros("""
-        import os
-        os.environ['NUMBA_DISABLE_JIT'] = '1'
         from sat_collision.replay.model.result import Options
         from sat_collision.replay.check import check
         result = check(sys.argv[1], Options(parameters={'margin': 12.0}, duration=1.0,

@@ -129,7 +129,7 @@ class States:
             ', '.join(map(str, prediction.unknown)) if prediction else '',
             *('; '.join(filter(None, (one.summary, one.advice)))
               for one in scene.sources.values()))
-        for value, text in zip(self._statuses[name].values[2:-1], texts):
+        for value, text in zip(self._statuses[name].values[2:-1], texts, strict=True):
             value.value = text
 
     @property

@@ -34,7 +34,7 @@ from sat_collision.node.loop import Input, unused
 from sat_collision.node.publishers import Publishers
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.settings import (
-    CommandSettings, FootprintSettings, ObstacleSettings, PathSettings, POLYGON_2D,
+    CommandSettings, FootprintSettings, ObstacleSettings, PathSettings, POLYGON, POLYGON_2D,
     POLYGON_COLLECTION, POLYGON_INSTANCE, Settings, TF)
 
 # QoS of transforms, as in tf2.
@@ -49,6 +49,8 @@ _ODOMETRY_DEPTH = 100
 _OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY,
                 QoSPolicyKind.DURABILITY, QoSPolicyKind.DEADLINE, QoSPolicyKind.LIVELINESS,
                 QoSPolicyKind.LIVELINESS_LEASE_DURATION)
+_POLYGON_TYPES: dict[str, type] = {
+    POLYGON: PolygonStamped, POLYGON_INSTANCE: PolygonInstanceStamped}
 _COMMAND_TYPES = {'geometry_msgs/msg/Twist': Twist, 'geometry_msgs/msg/TwistStamped': TwistStamped}
 # Only the last command counts, and nothing depends on having received all of them.
 _COMMAND_QOS = QoSProfile(depth=1, reliability=QoSReliabilityPolicy.BEST_EFFORT)
@@ -178,19 +180,17 @@ class Subscriptions:
 
 def _kind(settings: FootprintSettings | ObstacleSettings) -> type:
     """Return the class of the messages of an input; ParameterError if it is not installed."""
-    if settings.type == POLYGON_INSTANCE:
-        return PolygonInstanceStamped  # type: ignore[no-any-return]
-    if settings.type not in (POLYGON_2D, POLYGON_COLLECTION):
-        return PolygonStamped  # type: ignore[no-any-return]
+    if kind := _POLYGON_TYPES.get(settings.type):
+        return kind
     try:
         from polygon_msgs import msg
     except ImportError as error:
         raise ParameterError(
             f'{settings.name}.type: {settings.type} needs polygon_msgs: apt install '
             'ros-jazzy-polygon-msgs, or build it from source beside this package') from error
-    kind: type = (msg.Polygon2DStamped if settings.type == POLYGON_2D
-                  else msg.Polygon2DCollection)
-    return kind
+    types: dict[str, type] = {POLYGON_2D: msg.Polygon2DStamped,
+                              POLYGON_COLLECTION: msg.Polygon2DCollection}
+    return types[settings.type]
 
 
 def transform_type(node: Node, settings: Settings) -> type | None:

@@ -37,6 +37,9 @@ from sat_collision.scene.parameters import ParameterError
 
 _OF_RECORDING = ('.mcap', '.db3', '.zstd', '.db3-wal', '.db3-shm', '.db3-journal')
 _PICTURES = ('.png', '.svg', '.pdf')
+# What writes all results into one file, by option.
+_WRITERS: dict[str, Callable[[list[Result], str], None]] = {
+    'json': write_json, 'csv': write_csv, 'junit': write_junit}
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -77,18 +80,15 @@ def _run(arguments: argparse.Namespace) -> int:
     terminal = _Terminal()
     results = _check_all(arguments, options, terminal)
     verdict = overall(results)
-    junit: Callable[[str], None] = partial(write_junit, results)
+    writers = {option: partial(write, results) for option, write in _WRITERS.items()}
     if baseline is not None:
         differences = differences_from(baseline, results)
-        junit = partial(write_junit_of_differences, differences, expect)
+        writers['junit'] = partial(write_junit_of_differences, differences, expect)
         lines = [f'{name}: {line}' for name, found in differences for line in found]
         terminal.say(lines or [f'as expected by {expect}'])
         verdict = Verdict.COLLISION if lines else Verdict.CLEAR
-    outputs: list[tuple[str, Callable[[str], None]]] = [
-        ('json', partial(write_json, results)), ('csv', partial(write_csv, results)),
-        ('junit', junit)]
     faults = [('standard output', terminal.fault)] if terminal.fault else []
-    for option, write in outputs:
+    for option, write in writers.items():
         if path := getattr(arguments, option):
             try:
                 write(path)
@@ -135,8 +135,8 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
     inputs = [file for path in (*arguments.bags, *arguments.params_file, arguments.expect) if path
               for file in _files_of(Path(path))]
     taken: dict[Path, str] = {}
-    for option, text in (('--json', arguments.json), ('--csv', arguments.csv),
-                         ('--junit', arguments.junit), ('--plot', None if in_folder else plot)):
+    files = [(f'--{option}', getattr(arguments, option)) for option in _WRITERS]
+    for option, text in (*files, ('--plot', None if in_folder else plot)):
         if text is None:
             continue
         path = Path(text)

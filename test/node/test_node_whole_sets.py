@@ -19,8 +19,12 @@ import pytest
 import rclpy
 import rclpy.event_handler
 from rclpy.event_handler import UnsupportedEventTypeError
+from sat_collision.messages.ingest import _DECODERS
 from sat_collision.node import loop
+from sat_collision.node.subscriptions import _kind
+from sat_collision.replay.model.configuration import _KINDS
 from sat_collision.scene.parameters import ParameterError
+from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, specs
 
 CYCLONE = 'rmw_cyclonedds_cpp'
 
@@ -69,6 +73,18 @@ def test_types_of_polygon_msgs_say_what_to_install(start, monkeypatch, kind, nam
     monkeypatch.setitem(sys.modules, 'polygon_msgs', None)
     with pytest.raises(ParameterError, match='apt install ros-jazzy-polygon-msgs'):
         start(**{f'{kind}__type': name})
+
+
+@pytest.mark.parametrize('settings', [
+    kind(name='one', topic='/one', enabled=True, type=name)
+    for kind in (FootprintSettings, ObstacleSettings) for name in specs(kind)['type'][1].choices],
+    ids=lambda settings: settings.type)
+def test_node_and_recordings_have_the_same_message_for_each_type(settings):
+    pytest.importorskip('polygon_msgs', reason='make .venv/messages.stamp builds it')
+    kind = _kind(settings)
+    package = kind.__module__.partition('.')[0]
+    assert _KINDS[f'{package}/msg/{kind.__name__}'] == settings.type
+    assert settings.type in _DECODERS
 
 
 @pytest.fixture

@@ -55,7 +55,7 @@ def test_unexpected_error_is_bad_input(bags, monkeypatch, capsys, debug):
 
 def test_unexpected_error_in_an_output_is_bad_input(bags, tmp_path, monkeypatch, capsys):
     """One line, and a traceback with --debug."""
-    monkeypatch.setattr(command, 'write_json', lambda results, path: [][0])
+    monkeypatch.setitem(command._WRITERS, 'json', lambda results, path: [][0])
     for more in ([], ['--debug']):
         assert main([bags[0], '--json', str(tmp_path / 'a.json'), *more]) == 3
         error = capsys.readouterr().err

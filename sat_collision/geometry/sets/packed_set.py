@@ -26,6 +26,7 @@ class PackedSet(PolygonSet):
     A wrong row overwrites memory. Rows may be empty, and bodies are given packed.
     """
 
+    # Not methods that call these: a call for each body takes time.
     new_row = PolygonSet._new_row
     place = PolygonSet._place
     remove = PolygonSet._remove

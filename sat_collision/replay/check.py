@@ -201,6 +201,7 @@ class _Check:
         result.contacts = self._timeline.contacts
         result.unknown = self._timeline.unknown
         result.undetermined = self._motion.undetermined if self._motion else []
+        result.count_times()
         result.plan_contacts = self._plans.contacts
         result.notes += self._motion.notes if self._motion else []
         result.notes += [

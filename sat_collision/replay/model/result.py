@@ -272,6 +272,21 @@ class Result:
         """The times in which footprints are neither clear nor in collision, by state."""
         return {'unknown': self.unknown, 'undetermined': self.undetermined}
 
+    def count_times(self) -> None:
+        """Fill in how long footprints are in each state; where several are, the first counts."""
+        start, end = self.start or 0, self.end or 0
+        states: dict[str, Sequence[Contact | Unknown]] = {
+            'collision': self.contacts, **self.undecided}
+        for footprint in self.footprints:
+            taken: list[tuple[int, int]] = []
+            before = 0
+            for state, intervals in states.items():
+                taken += times_of(intervals, footprint.name)
+                length = length_of(taken, start, end)
+                setattr(footprint, state, length - before)
+                before = length
+            footprint.clear = end - start - before
+
     def obstacle_of(self, contact: Contact) -> ShownBody | None:
         """Return the obstacle of a contact, None if it was not kept."""
         return None if self.keyframes is None else self.keyframes.obstacle(
@@ -312,9 +327,9 @@ class Result:
     def _only(self, intervals: Iterable[Unknown], footprint: FootprintResult, end: int) -> int:
         """Return for how long (ns) a footprint is in intervals after start-up, not in contact."""
         start = (self.start or 0) + footprint.start_up
-        contacts = _within(self.contacts, footprint.name, start, end)
-        return _length([*contacts, *_within(intervals, footprint.name, start, end)]
-                       ) - _length(contacts)
+        contacts = times_of(self.contacts, footprint.name)
+        return length_of([*contacts, *times_of(intervals, footprint.name)], start, end
+                         ) - length_of(contacts, start, end)
 
     @property
     def too_soon(self) -> list[FootprintResult]:
@@ -402,16 +417,16 @@ def joined(intervals: Iterable[tuple[_Number, _Number]], gap: float = 0
     return found
 
 
-def _within(intervals: Iterable[Contact | Unknown], name: str, start: int, end: int
-            ) -> list[tuple[int, int]]:
-    """Return the parts of a footprint's intervals between two times."""
-    parts = [(max(one.first, start), min(one.last, end)) for one in intervals
-             if one.footprint == name]
-    return [(first, last) for first, last in parts if first < last]
+def times_of(intervals: Iterable[Contact | Unknown], name: str) -> list[tuple[int, int]]:
+    """Return from when to when the intervals of a footprint are."""
+    return [(one.first, one.last) for one in intervals if one.footprint == name]
 
 
-def _length(intervals: Iterable[tuple[int, int]]) -> int:
-    return sum(last - first for first, last in joined(intervals))
+def length_of(intervals: Iterable[tuple[int, int]], start: int, end: int) -> int:
+    """Return the total length of the union of intervals, between two times."""
+    return sum(last - first for first, last in joined(
+        (max(first, start), min(last, end)) for first, last in intervals
+        if first < end and last > start))
 
 
 def joined_contacts(contacts: Iterable[Contact]) -> list[Contact]:

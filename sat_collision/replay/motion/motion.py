@@ -25,7 +25,7 @@ from typing import Any
 from sat_collision.messages.ingest import Placement
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.replay.model.result import (
-    Contact, FootprintResult, joined, joined_contacts, Unknown, Unknowns)
+    Contact, FootprintResult, joined, joined_contacts, length_of, times_of, Unknown, Unknowns)
 from sat_collision.replay.motion.bodies import Bodies, Interval, LONGEST, SetBatch
 from sat_collision.replay.motion.contacts import ContactResults, ContactTracker
 from sat_collision.replay.motion.drawing import MotionDrawing
@@ -266,20 +266,10 @@ class RecordedMotion:
                                   'are; --as-live tells what the monitor would have said')
             undetermined = sweep.undetermined(start, end, self._trackers.values())
             for of, intervals in undetermined.items():
-                self._lengths[of] = max(_length(intervals, start, result.last or end),
+                self._lengths[of] = max(length_of(intervals, start, result.last or end),
                                         self._lengths.get(of, 0))
-            unknown = [*_times(self.unknown, name)]
-            self._add_undetermined(name, {**undetermined, '': unknown}, start, end)
-            counted: list[Interval] = []
-            before = 0
-            for state, intervals in (('collision', [*_times(self.contacts, name)]),
-                                     ('unknown', unknown),
-                                     ('undetermined', [*_times(self.undetermined, name)])):
-                counted += intervals
-                length = _length(counted, start, end)
-                setattr(result, state, length - before)
-                before = length
-            result.clear = end - start - before
+            undetermined[''] = times_of(self.unknown, name)
+            self._add_undetermined(name, undetermined, start, end)
         if self._drawing:
             self._drawing.finish(end)
         self.contacts[:] = joined_contacts(self.contacts)
@@ -343,14 +333,3 @@ class RecordedMotion:
             for sweep in concerned:
                 sweep.queue(tracker, step, self._now)
         return emit
-
-
-def _times(intervals: Iterable[Contact | Unknown], name: str) -> Iterator[tuple[int, int]]:
-    return ((one.first, one.last) for one in intervals if one.footprint == name)
-
-
-def _length(intervals: Iterable[tuple[int, int]], start: int, end: int) -> int:
-    """Return the total length of the union of intervals, within start and end."""
-    within = [(max(first, start), min(last, end)) for first, last in intervals
-              if first < end and last > start]
-    return sum(last - first for first, last in joined(within))

@@ -200,10 +200,11 @@ class _Check:
         result.footprints = self._footprints
         result.contacts = self._timeline.contacts
         result.unknown = self._timeline.unknown
-        result.undetermined = self._motion.undetermined if self._motion else []
-        result.count_times()
         result.plan_contacts = self._plans.contacts
-        result.notes += self._motion.notes if self._motion else []
+        if self._motion:
+            result.undetermined = self._motion.undetermined
+            result.notes += self._motion.notes
+            result.count_times()
         result.notes += [
             f'a contact with {source.name} may be with where an obstacle was: {advice}'
             for source in self._settings.obstacles if source.enabled

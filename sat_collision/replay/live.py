@@ -87,7 +87,7 @@ class Timeline:
         self.touching: dict[str, dict[ObstacleId, Contact]] = {}
         self._results = {result.name: result for result in footprints}
         self._series = {result.name: Series(result.separation) for result in footprints}
-        self._status: dict[str, Status] = {}
+        self._since: dict[str, tuple[int, Status]] = {}
         self._unknowns = Unknowns()
         self._measured: dict[tuple[str, ObstacleId], list[Polygon]] = {}
 
@@ -100,7 +100,8 @@ class Timeline:
         """Record the new states of footprints."""
         for name in names:
             state = self._scene.state(name)
-            self._status[name] = state.status
+            self._count_time(name, now)
+            self._since[name] = now, state.status
             if state.status is not Status.UNKNOWN:
                 self._results[name].ever_known = True
             self._unknowns.follow(
@@ -127,7 +128,7 @@ class Timeline:
             self._drawing.keep(now)
         for name, series in self._series.items():
             found = None
-            if self._status[name] is not Status.UNKNOWN:
+            if self._since[name][1] is not Status.UNKNOWN:
                 found = self._scene.nearest(name)
             series.add(now, found and found.separation)
             if found:
@@ -137,6 +138,8 @@ class Timeline:
 
     def finish(self, now: int) -> None:
         """End all open contacts and intervals."""
+        for name in self._results:
+            self._count_time(name, now)
         for contacts in self.touching.values():
             for contact in contacts.values():
                 contact.last = now
@@ -144,6 +147,13 @@ class Timeline:
         self._unknowns.finish(now)
         if self._drawing:
             self._drawing.draw_last()
+
+    def _count_time(self, name: str, now: int) -> None:
+        if name in self._since:
+            since, status = self._since[name]
+            result = self._results[name]
+            setattr(result, status.value, getattr(result, status.value) + now - since)
+            self._since[name] = now, status
 
     def _follow_contacts(self, name: str, obstacles: Iterable[ObstacleId], now: int) -> None:
         contacts = self.touching.get(name, {})

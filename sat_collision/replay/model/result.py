@@ -273,7 +273,7 @@ class Result:
         return {'unknown': self.unknown, 'undetermined': self.undetermined}
 
     def count_times(self) -> None:
-        """Fill in how long footprints are in each state; where several are, the first counts."""
+        """Fill in how long footprints are in each state; of several the first one counts."""
         start, end = self.start or 0, self.end or 0
         states: dict[str, Sequence[Contact | Unknown]] = {
             'collision': self.contacts, **self.undecided}

@@ -173,13 +173,13 @@ class Bodies:
         """The stamps of the bodies; just one if all are equal."""
         return [self.begin] if self.begin == self.end else self.stamps.tolist()
 
-    def at(self, stamps: Sequence[int]) -> Bodies:
-        """Return the same bodies, in the same places at other times."""
+    def at(self, times: Mapping[int, int]) -> Bodies:
+        """Return the same bodies, some of the rows in the same places at other times."""
         other = copy.copy(self)
         other.batch = None
         other.rings = self.rings.copy()
-        other.rings[:, STAMP] = stamps
-        other.begin, other.end = min(stamps), max(stamps)
+        other.stamps[[*times]] = [*times.values()]
+        other.begin, other.end = int(other.stamps.min()), int(other.stamps.max())
         return other
 
     def follows(self, before: Bodies) -> bool:
@@ -280,7 +280,4 @@ def motion_in_batch(before: Bodies, after: Bodies) -> list[LinearMotion]:
 def stay(bodies: Bodies, until: Mapping[int, int]) -> LinearMotion:
     """Return the motion of bodies that stand still, each of the rows until its time."""
     rows = np.array(list(until), np.int64)
-    motion = motion_between(bodies, bodies, rows, rows)
-    motion.finishes[:] = list(until.values())
-    motion.end = max(until.values())
-    return motion
+    return motion_between(bodies, bodies.at(until), rows, rows)

@@ -259,26 +259,16 @@ def _least(body, box, rows, bodies, margin, found):
     """Return the row nearest to a body, and its separation; NaN if something is not convex."""
     if body[1] == 0:
         return -1, math.nan
-    least = math.inf
+    least = nearest_gap = math.inf
     nearest = -1
     count = measure_near(body, box, rows, bodies, margin, found)
-    # In ascending order of the gaps of boxes.
-    for i in range(count):
-        k = i
-        for j in range(i + 1, count):
-            if found[j, 0] < found[k, 0] or (
-                    found[j, 0] == found[k, 0] and found[j, 1] < found[k, 1]):
-                k = j
-        gap, row, value = found[k, 0], found[k, 1], found[k, 2]
-        for axis in range(3):
-            found[k, axis] = found[i, axis]
-        if gap > margin and gap > least:
-            break
-        if math.isnan(value):
+    for gap, row, value in found[:count]:
+        # Of equal ones that with the nearest box counts, then the first.
+        if value < least or value == least and (gap, row) < (nearest_gap, nearest):
+            least, nearest_gap, nearest = value, gap, int(row)
+    for gap, _, value in found[:count]:
+        if math.isnan(value) and gap <= max(margin, least):
             return -1, value
-        if value < least:
-            least = value
-            nearest = int(row)
     return nearest, least
 
 

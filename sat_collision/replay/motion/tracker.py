@@ -194,8 +194,7 @@ class SetTracker(Tracker):
         left = {row for row in self._alive if seen.stamps[row] + self._timeout > now}
         self._hold(last, seen, self._alive, now, left)
         self._alive = sorted(left)
-        self._last = last.at([now if row in left else stamp
-                              for row, stamp in enumerate(last.stamps.tolist())])
+        self._last = last.at(dict.fromkeys(left, now))
         self._last_stamp = now
 
     def _close(self, is_whole: bool = True, held: int = 0) -> None:
@@ -436,13 +435,11 @@ class KeyTracker(Tracker):
         if gone or motions:
             self._emit(self, Step(motions, None, gone,
                                   max((motion.end for motion in motions), default=now)))
-        for bodies, until in standing.items():
-            rested = bodies.at([until.get(row, stamp)
-                                for row, stamp in enumerate(bodies.stamps.tolist())])
+        for motion, until in zip(motions, standing.values()):
             for row, end in until.items():
-                name = rested.names[row]
+                name = motion.after.names[row]
                 if name in self._seen:
-                    self._seen[name] = self._seen[name]._replace(bodies=rested, stamp=end)
+                    self._seen[name] = self._seen[name]._replace(bodies=motion.after, stamp=end)
 
     def _end_of(self, seen_at: int, times: Sequence[int]) -> tuple[float, bool]:
         """Return until when a body is there by later messages, and whether one shows its end."""

@@ -109,7 +109,7 @@ class Trajectory:
     def stand(self, until: int) -> None:
         """Extend a footprint that never times out until a time, standing still."""
         if self._never_stale and self._last is not None and self._last[0] < until:
-            self.add(until, self._last[1].at([until]))
+            self.add(until, self._last[1].at({0: until}))
 
     def drop_before(self, time: int) -> None:
         """Forget the links that end before a time."""
@@ -168,29 +168,20 @@ class Trajectory:
 
     def link_from(self, time: int) -> LinearMotion | None:
         """Return the link that begins at a time and leads on from there, None if none does."""
-        for k in range(bisect_left(self._starts, time), bisect_right(self._starts, time)):
-            if self._links[k].end > time:
-                return self._links[k].motion
-        return None
+        return next((link.motion for _, end, link in self.links(time, time + 1)
+                     if link.begin == time < end), None)
 
     def outline(self, time: int) -> Polygon | None:
         """Return the outline at a time, None if it is not known."""
         outlines = self._outlines
-        if time not in outlines and (link := self._link_at(time)) is not None:
+        if time not in outlines and (links := self.links(time, time)):
             if len(outlines) >= _MAX_OUTLINES:
                 outlines.clear()
+            # Of links that meet the first one, whose sample there they share.
+            _, _, link = links[0]
             with suppress(PolygonError):
                 outlines[time] = link.motion.polygon(0, time)
         return outlines.get(time)
-
-    def _link_at(self, time: int) -> Link | None:
-        """Return the first link that includes a time; links that meet share the sample there."""
-        found = None
-        for k in range(bisect_right(self._starts, time) - 1, -1, -1):
-            if self._links[k].end < time:
-                break
-            found = self._links[k]
-        return found
 
     def _append(self, link: Link) -> None:
         if self._starts and link.begin < self._starts[-1]:

@@ -13,29 +13,30 @@ import math
 import os
 from pathlib import Path
 import random
-import shutil
 import signal
 import subprocess
 import sys
 import time
 
 from builders import box
+from compiled import COMPILED_FILES, copy_package, FOR_DISTANCES
 from hardship import allow_writing, forbid_writing, without_privileges
 from harness import Peer
 import pytest
 from sat_collision.geometry.compiled.jit import COMPILED
 
-PACKAGE = Path(__file__).resolve().parents[2] / 'sat_collision'
 # Far less than the time to compile all kernels, in s.
 TO_END = 20.0
 
 
 @pytest.fixture
-def place(tmp_path):
-    """Return a folder with the package, nothing compiled of it, and an empty home."""
-    shutil.copytree(PACKAGE, tmp_path / 'sat_collision',
-                    ignore=shutil.ignore_patterns('__pycache__'))
-    (tmp_path / 'home').mkdir()
+def place(tmp_path, request):
+    """
+    Return a folder with the package and an empty home.
+
+    Nothing is compiled of the package, or what the test does not name as absent.
+    """
+    copy_package(tmp_path, getattr(request, 'param', COMPILED_FILES))
     yield tmp_path
     allow_writing(tmp_path)
 
@@ -113,6 +114,7 @@ def test_node_with_a_broken_compiler(start, place):
 
 
 @pytest.mark.long
+@pytest.mark.parametrize('place', [FOR_DISTANCES], indirect=True, ids=['without distances'])
 def test_flags_are_published_before_distances_can_be_measured(start, domain):
     """A first start publishes flags early, and separations once their kernels are compiled."""
     if not COMPILED:
@@ -148,6 +150,7 @@ def test_flags_are_published_before_distances_can_be_measured(start, domain):
 
 
 @pytest.mark.long
+@pytest.mark.parametrize('place', [FOR_DISTANCES], indirect=True, ids=['without distances'])
 def test_margin_needs_distances_from_the_start(start):
     """A first start with a margin publishes no flag before it can measure."""
     if not COMPILED:
@@ -180,6 +183,7 @@ def test_signal_during_the_first_start(start, number):
 
 
 @pytest.mark.long
+@pytest.mark.parametrize('place', [FOR_DISTANCES], indirect=True, ids=['without distances'])
 def test_no_process_is_left_when_the_node_has_ended(start, domain):
     """It is stopped while others still compile the kernels for distances."""
     if not COMPILED:

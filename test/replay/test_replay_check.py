@@ -361,9 +361,9 @@ def test_huge_gap_in_time_is_not_sampled(tmp_path):
 
 
 def test_number_of_samples_is_bounded(tmp_path):
-    """An hour sampled every 10 ms; neighbours are merged to their minimum."""
+    """An hour sampled every 100 ms; neighbours are merged to their minimum."""
     bag = write(tmp_path / 'bag', drive(3600.0, rate=1.0, contact=(1800.0, 1801.0)))
-    result = check(bag, Options(as_live=True, sample=0.01, parameters={
+    result = check(bag, Options(as_live=True, sample=0.1, parameters={
         'footprint.timeout': 3.0, f'{SOURCE}.timeout': 3.0}))
     samples = result.footprints[0].separation
     assert 1000 < len(samples) <= 4096

@@ -10,15 +10,30 @@
 """Kernels in tests: callable where only other kernels call them, and as plain Python."""
 
 import os
+from pathlib import Path
+import shutil
 import subprocess
 import sys
 
 from sat_collision.geometry.compiled.jit import kernel
 
+PACKAGE = Path(__file__).resolve().parents[2] / 'sat_collision'
+# Files below the package: all that is compiled, and the mark that all is.
+COMPILED_FILES = ('__pycache__',)
+MARK = 'prepared-*'
+# The kernels by which a node finds those for distances compiled.
+FOR_DISTANCES = 'contact.*.nb?', 'path.*.nb?'
+
 
 def callable_here(*functions):
     """Return the same kernels, compiled so that Python may call them."""
     return [kernel(getattr(function, 'py_func', function)) for function in functions]
+
+
+def copy_package(folder, absent):
+    """Copy the package into a folder, with what is compiled here except for the absent files."""
+    shutil.copytree(PACKAGE, folder / 'sat_collision', ignore=shutil.ignore_patterns(*absent))
+    (folder / 'home').mkdir()
 
 
 def plain_python(**more):

@@ -263,7 +263,7 @@ def test_picture_of_the_same_result_is_the_same_file(tmp_path, monkeypatch, endi
     pictures = set()
     for time in ('1000000000', '2000000000'):
         monkeypatch.setenv('SOURCE_DATE_EPOCH', time)
-        write_picture(of_warehouse(), str(path))
+        write_picture(of_long(), str(path))
         pictures.add(path.read_bytes())
     assert len(pictures) == 1
 

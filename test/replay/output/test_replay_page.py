@@ -349,9 +349,10 @@ def device(chromium, width, height, scheme='light'):
         chromium.execute_cdp_cmd('Emulation.clearDeviceMetricsOverride', {})
 
 
-@pytest.fixture
-def of_crowd(tmp_path):
+@pytest.fixture(scope='module')
+def of_crowd(tmp_path_factory):
     """Return a page of thirteen footprints with long names, one in contact."""
+    folder = tmp_path_factory.mktemp('crowd')
     names = [f'robot_with_a_long_name_{k}' for k in range(13)]
     messages = []
     for k in range(41):
@@ -359,9 +360,9 @@ def of_crowd(tmp_path):
         messages += [('/obstacles', k / 10, box(0.0, 0.9 if 10 < k < 20 else 3.0)),
                      ('/obstacles', k / 10, [])]
     topics = [argument for name in names for argument in ('--footprint', f'{name}:=/{name}')]
-    assert main([str(write(tmp_path / 'crowd', messages)), *topics, '--obstacles', '/obstacles',
-                 '--plot', str(tmp_path / 'page.html')]) == 1
-    return tmp_path / 'page.html'
+    assert main([str(write(folder / 'crowd', messages)), *topics, '--obstacles', '/obstacles',
+                 '--plot', str(folder / 'page.html')]) == 1
+    return folder / 'page.html'
 
 
 @pytest.mark.parametrize('width, height', [(1280, 900), (390, 844)])
@@ -469,13 +470,19 @@ def test_unknown_times_of_one_cause_are_one_row(page, tmp_path):
         'one, two 5.000 1.000 no map', 'two 7.000 1.000 no map']
 
 
-@pytest.mark.parametrize('width', (1280, 390, 100))
-def test_time_to_collision_has_a_title_and_a_unit(page, of_warehouse, tmp_path, width):
-    """Above its panel, which has an axis; no width is negative, even on the narrowest page."""
-    bag = of_warehouse.parent / 'warehouse'
+@pytest.fixture(scope='module')
+def with_times_to_collision(of_warehouse):
+    """Return a page of the example with times to collision."""
+    path, bag = of_warehouse.with_name('times.html'), of_warehouse.parent / 'warehouse'
     main([str(bag), '--params-file', str(bag / 'params.yaml'), '--min-ttc', '0.5',
-          '--plot', str(tmp_path / 'page.html')], None)
-    shown = page(tmp_path / 'page.html')
+          '--plot', str(path)], None)
+    return path
+
+
+@pytest.mark.parametrize('width', (1280, 390, 100))
+def test_time_to_collision_has_a_title_and_a_unit(page, with_times_to_collision, width):
+    """Above its panel, which has an axis; no width is negative, even on the narrowest page."""
+    shown = page(with_times_to_collision)
     try:
         device(shown.chromium, width, 844)
         shown.chromium.refresh()

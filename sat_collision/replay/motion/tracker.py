@@ -32,7 +32,8 @@ from sat_collision.replay.motion.bodies import (
     Bodies, Interval, LinearMotion, LONGEST, motion_between, motion_in_batch, SetBatch, stay)
 from sat_collision.replay.motion.kernels import COUNT, MOVED, mutual_nearest
 from sat_collision.scene.obstacles import ObstacleId
-from sat_collision.scene.settings import NEVER, ObstacleSettings
+from sat_collision.scene.settings import (
+    EACH_MESSAGE, EMPTY_POLYGON, NEVER, ObstacleSettings)
 
 # Bodies known by id or shape are processed together if stamped within this of the first, ns.
 _TOGETHER = 10**8
@@ -135,6 +136,7 @@ class SetTracker(Tracker):
 
     def __init__(self, settings: ObstacleSettings, max_vertices: int, emit: Emit) -> None:
         super().__init__(settings, max_vertices, emit)
+        self._ending = settings.ending
         # The number of the set that is being received, 0 if none is, and its first stamp.
         self._listing = self._start = 0
         self._pending: list[Placement] = []
@@ -175,8 +177,10 @@ class SetTracker(Tracker):
             self._described = described
         if not placement.is_empty:
             self._pending.append(placement)
-        if placement.listing == placement.last_whole:
-            self._close()
+        is_whole = placement.listing == placement.last_whole
+        if is_whole or self._ending == EACH_MESSAGE or (
+                self._ending == EMPTY_POLYGON and placement.is_empty):
+            self._close(is_whole)
 
     def use_frame(self, frame_id: str) -> None:
         super().use_frame(frame_id)

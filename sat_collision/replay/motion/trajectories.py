@@ -122,7 +122,9 @@ class Trajectory:
         k = max(bisect_right(starts, start) - 1, 0)
         if starts and starts[k] <= start < finish <= links[k].end and (
                 not k or links[k - 1].end < start
-                or links[k - 1].begin < start and links[k - 1].after is links[k].before):
+                or links[k - 1].begin < start and links[k - 1].after is links[k].before) and (
+                k + 1 == len(links) or finish < links[k + 1].begin
+                or links[k + 1].before is links[k].after):
             return [(start, finish, links[k])]
         # Pieces of no length may share their time with the end of the one before.
         while k > 0 and links[k - 1].end >= start:

@@ -39,6 +39,17 @@ def at(time, points, delay=0.0, topic='/obstacles'):
     return topic, time + delay, serialised(points, START + round(time * SECOND))
 
 
+@pytest.mark.parametrize('as_live', [False, True])
+def test_last_sample_counts_beside_another_one_of_its_stamp(tmp_path, as_live):
+    """The footprint comes twice at the end of the recording, and touches then, at 0.9 s."""
+    messages = [at(time, points, topic=topic) for k in range(10) for time, topic, points in (
+        (k / 10, '/footprint', box(0)), (k / 10 - 0.05, '/obstacles', box(3)))]
+    result = check(write(tmp_path / 'bag', [*messages, at(0.9, box(2.5), topic='/footprint')]),
+                   Options(as_live=as_live))
+    contact, = result.contacts
+    assert since(result, contact.first, contact.last) == pytest.approx([0.95, 0.95])
+
+
 def test_leader_at_constant_distance_is_not_touched(tmp_path):
     """
     Both drive at 2 m/s, 0.10 m apart; messages come at 10 Hz, the footprint's 20 ms earlier.

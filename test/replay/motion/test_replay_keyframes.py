@@ -139,6 +139,7 @@ def test_keyframes_do_not_change_the_result(tmp_path, as_live):
     assert plain.problems and plain.keyframes is None and result.keyframes
     assert sum(share < 0.5 for share in shares) == sum(share >= 0.5 for share in shares) > 0
     assert shares == sorted(shares) and shares[-1] <= 1.0
+    assert result.keyframes.moments[-1] == moments_of(plain)[-1]
     result.keyframes = None
     assert plain == result
 

@@ -271,9 +271,8 @@ class _Check:
             elif not by_header and stop is not None and time >= stop:
                 break
             if time > now:
-                if time > self._due or time > monitor.deadline:
-                    self._pass_until(time)
-                self._now = now = time
+                self._pass_until(time)
+                now = time
             if topic in TRANSFORM_TOPICS:
                 for data in batch:
                     self._keep(monitor.receive_transforms(topic, data, now))
@@ -474,21 +473,19 @@ class _Check:
 
     def _pass_until(self, now: int) -> None:
         """Process deadlines of the monitor and timers that are due before the messages of now."""
-        while True:
+        while now > (deadline := self._monitor.deadline) or now > self._due:
             # The deadline may lie in the past, but the scene's time must not go back.
-            deadline = max(self._monitor.deadline + 1, self._now)
-            timer = min(self._timers, key=_due_of, default=None)
-            if deadline <= (min(now, timer.due) if timer else now):
+            deadline = max(deadline + 1, self._now)
+            if deadline <= self._due:
                 self._now = int(deadline)
                 self._keep(self._monitor.advance(self._now))
                 self._follow(self._now)
-                continue
-            if timer is None or timer.due >= now:
-                break
-            self._scene.pass_time(int(timer.due))
-            timer.act(min(deadline, now))
+            else:
+                timer = min(self._timers, key=_due_of)
+                self._scene.pass_time(int(timer.due))
+                timer.act(min(deadline, now))
+                self._due = min(map(_due_of, self._timers))
         self._now = now
-        self._due = timer.due if timer else NEVER
 
     def _with_clocks_compared(self, rows: Iterator[Row]) -> Iterable[Row]:
         """Add a note if clocks are so far apart at the first message that one must be wrong."""

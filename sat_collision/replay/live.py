@@ -131,10 +131,11 @@ class Timeline:
             if self._since[name][1] is not Status.UNKNOWN:
                 found = self._scene.nearest(name)
             series.add(now, found and found.separation)
-            if found:
+            result = self._results[name]
+            if found and result.is_least(found.separation):
                 obstacle, distance, (ax, ay), (bx, by), _ = found
-                self._results[name].note_least(Least(
-                    distance + 0.0, now, str(obstacle), (ax + bx) / 2, (ay + by) / 2))
+                result.least = Least(
+                    distance + 0.0, now, str(obstacle), (ax + bx) / 2, (ay + by) / 2)
 
     def finish(self, now: int) -> None:
         """End all open contacts and intervals."""

@@ -109,11 +109,11 @@ class Contacts:
         It comes with its separation and the closest points, see `PolygonSet.nearest`; `skipped`
         obstacles are left out.
         """
-        if footprint.polygon is None:
+        if footprint.row is None:
             return None
         left_out = [body.row for body in skipped if body.row is not None]
-        found = self._obstacles.polygons.nearest(
-            footprint.polygon, left_out + self._unmonitored(footprint))
+        found = self._obstacles.polygons.nearest_to(
+            self._footprints.polygons, footprint.row, left_out + self._unmonitored(footprint))
         return found and (self._obstacles.bodies[found[0]], *found[1:])
 
     def nearest_rows(self, limit: int) -> set[int]:

@@ -15,7 +15,8 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
-from sat_collision.geometry.sets.polygon_set import PolygonSet
+from sat_collision.geometry.compiled.jit import indexable
+from sat_collision.geometry.sets.polygon_set import ascending, Point, PolygonSet
 from sat_collision.geometry.sets.run import Run, write_run
 
 
@@ -40,6 +41,13 @@ class PackedSet(PolygonSet):
             self._forget_index()
         count: int = write_run(run, self._array, rows, first, limit, others._array, margin)
         return count
+
+    def nearest_to(self, others: PackedSet, row: int, skipped: list[int]
+                   ) -> tuple[int, float, Point, Point] | None:
+        """Return what `nearest` does for the body of a row of another set."""
+        packed, count = others._body(row)
+        body = indexable(packed), count
+        return self._nearest(body, ascending(skipped)) if skipped else self._nearest(body)
 
     def nearest_rows(self, boxes: Iterable[tuple[float, float, float, float]],
                      limit: int) -> list[int]:

@@ -353,8 +353,11 @@ class PolygonSet:
             return self._polygon(self._checked(row))
 
     def _polygon(self, row: int) -> Polygon:
-        start = self._rows.start[row]
-        return Polygon._of_packed(self._rows.packed[start:], int(self._rows.n[row]))
+        return Polygon._of_packed(*self._body(row))
+
+    def _body(self, row: int) -> PackedBody:
+        """Return the body of a row as it is in the array, until the set changes."""
+        return self._rows.packed[self._rows.start[row]:], int(self._rows.n[row])
 
     def _checked(self, row: int) -> int:
         """Return a row as an int; raise `IndexError` if it has no body."""
@@ -426,9 +429,13 @@ class PolygonSet:
         (0, 2.0, (3.0, 0.0), (1.0, 0.0))
 
         """
-        packed, count = as_polygon(body).packed
+        return self._nearest(as_polygon(body).packed, ascending(skipped))
+
+    def _nearest(self, body: PackedBody, skipped: NDArray[np.int64] = _NO_ROWS
+                 ) -> tuple[int, float, Point, Point] | None:
+        """Return the same for a packed body; `skipped` are in ascending order."""
         row, separation, ax, ay, bx, by, _ = near_rows(
-            *self._snapshot(), packed, count, NEAREST, ascending(skipped))
+            *(self._shared or self._snapshot()), *body, NEAREST, skipped)
         return None if row < 0 else (row, separation, (ax, ay), (bx, by))
 
     def first_contact(self, footprint: BodyLike, twist: ArrayLike, horizon: float,

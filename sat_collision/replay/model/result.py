@@ -223,8 +223,12 @@ class FootprintResult:
 
     def note_least(self, found: Least) -> None:
         """Record a separation if it is the least so far."""
-        if self.least is None or found.separation < self.least.separation:
+        if self.is_least(found.separation):
             self.least = found
+
+    def is_least(self, separation: float) -> bool:
+        """Return whether a separation is the least so far."""
+        return self.least is None or separation < self.least.separation
 
 
 @dataclass

@@ -149,6 +149,7 @@ def prepare_contacts() -> None:
     point = _origin()
     bodies = PackedSet([point])
     bodies.intersecting_rows(point)
+    bodies.hide(indexable(np.zeros(1, np.int64)))
 
 
 def prepare_distances() -> None:

@@ -89,6 +89,8 @@ class Timeline:
         self._series = {result.name: Series(result.separation) for result in footprints}
         self._since: dict[str, tuple[int, Status]] = {}
         self._unknowns = Unknowns()
+        # Footprints whose contacts are to be measured, and the bodies last measured.
+        self._moved: set[str] = set()
         self._measured: dict[tuple[str, ObstacleId], list[Polygon]] = {}
 
     @property
@@ -99,6 +101,7 @@ class Timeline:
     def change(self, names: Iterable[str], now: int) -> None:
         """Record the new states of footprints."""
         for name in names:
+            self._moved.add(name)
             state = self._scene.state(name)
             self._count_time(name, now)
             self._since[name] = now, state.status
@@ -110,7 +113,9 @@ class Timeline:
 
     def deepen(self, now: int) -> None:
         """Measure the open contacts of bodies that have moved."""
-        for name, contacts in self.touching.items():
+        self._moved |= self._scene.take_moved()
+        for name in [name for name in self.touching if name in self._moved]:
+            contacts = self.touching[name]
             for obstacle, *bodies in self._scene.contacts(name):
                 contact = contacts.get(obstacle)
                 if contact is None or self._measured.get((name, obstacle)) == bodies:
@@ -121,6 +126,7 @@ class Timeline:
                     self._results[name].note_least(contact.least)
                     if self._drawing:
                         self._drawing.keep(now, contact.depth)
+        self._moved.clear()
 
     def sample(self, now: int) -> None:
         """Record how far each footprint is from the nearest obstacle, and keep the scene."""

@@ -47,11 +47,13 @@ class ArrivalOrder:
         self._times: list[int] = []
         self._messages: list[bytes] = []
         self._taken = 0
+        self._single = -1  # the number of the message that ended the last run of the row
         self._batch = _NONE  # the first messages of the row, for `receive_run`
 
     def __iter__(self) -> Iterator[Timed]:
         for topic, times, messages in self._rows:
-            self._times, self._messages, self._batch, self._taken = times, messages, _NONE, 0
+            self._times, self._messages, self._batch = times, messages, _NONE
+            self._taken, self._single = 0, -1
             while (taken := self._taken) < len(times):
                 self._taken += 1
                 yield topic, times[taken], messages[taken:taken + 1]
@@ -64,7 +66,7 @@ class ArrivalOrder:
         last one was received, or something that they brought is due before; None if none was.
         """
         end = bisect_right(self._times, bound)
-        if end < self._taken:
+        if end < self._taken or self._single == self._taken - 1:
             return None
         if end != len(self._batch.messages):
             self._batch = Batch(self._messages[:end])
@@ -72,6 +74,7 @@ class ArrivalOrder:
         if not taken:
             return None
         self._taken += taken - 1
+        self._single = self._taken
         return max(now, int(min(self._times[self._taken - 1], monitor.deadline)))
 
 

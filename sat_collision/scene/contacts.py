@@ -44,6 +44,8 @@ class Contacts:
 
     def __init__(self, margin: float = 0.0) -> None:
         self.changed: set[Footprint] = set()  # whose contacts have; emptied by the reader
+        # Footprints in contact that have moved, or what they touch; emptied by the reader, too.
+        self.moved: set[Footprint] = set()
         self.margin = margin
         self._footprints: _Placed[Footprint] = _Placed()
         self._obstacles: _Placed[Obstacle] = _Placed()
@@ -67,14 +69,17 @@ class Contacts:
         met = self._footprints.place(footprint, where, self._obstacles.polygons, self.margin)
         if met is not None and update_contacts(footprint, self._monitored(footprint, met)):
             self.changed.add(footprint)
+        if met:
+            self.moved.add(footprint)
 
     def place_obstacle(self, obstacle: Obstacle, where: PackedBody) -> None:
         met = self._obstacles.place(obstacle, where, self._footprints.polygons, self.margin)
         if met or met is not None and obstacle.contacts:
             footprints = self._footprints.bodies
-            self.changed.update(update_contacts(obstacle, [
-                footprints[row] for row in met
-                if footprints[row].settings.monitors(obstacle.name.source)]))
+            monitoring = [footprints[row] for row in met
+                          if footprints[row].settings.monitors(obstacle.name.source)]
+            self.changed.update(update_contacts(obstacle, monitoring))
+            self.moved.update(monitoring)
 
     def place_run(self, run: Run, rows: Any, first: int, limit: int) -> int:
         """Place a run until a body has no row or may meet a footprint; return how many."""
@@ -91,8 +96,7 @@ class Contacts:
 
     def hide_obstacles(self, group: object, rows: Any) -> None:
         """Hide all obstacles of a group, which keep their rows (-1: none) to be placed again."""
-        rows = np.asarray(rows)
-        self._obstacles.polygons.hide(rows[rows >= 0])
+        self._obstacles.polygons.hide(rows)
         for footprint in self._footprints.bodies.values():
             lost = {one for one in footprint.contacts if one.group is group}
             if lost:

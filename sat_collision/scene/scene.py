@@ -409,6 +409,12 @@ class Scene(SceneView):
         """Return what has changed since the last call."""
         return self._evaluator.take_changes()
 
+    def take_moved(self) -> set[str]:
+        """Return which footprints in contact moved since the last call, or what they touch."""
+        moved = {footprint.settings.name for footprint in self._contacts.moved}
+        self._contacts.moved.clear()
+        return moved
+
     def set_clock(self, now: int) -> None:
         """Begin anew, because the clock was set: the times of all that is there are of another."""
         self._now, self._latest = now, 0

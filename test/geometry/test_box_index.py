@@ -22,7 +22,7 @@ from sat_collision import (
     first_contact_along, Polygon, PolygonError, PolygonSet, separation)
 from sat_collision.geometry.body import box_index
 from sat_collision.geometry.body.layout import FANOUT
-from sat_collision.geometry.compiled.jit import COMPILED
+from sat_collision.geometry.compiled.jit import COMPILED, indexable
 from sat_collision.geometry.sets import polygon_set
 from sat_collision.geometry.sets.packed_set import PackedSet
 
@@ -201,7 +201,7 @@ def test_refused_bodies_leave_the_index():
 
 
 @pytest.mark.parametrize('change', [
-    lambda bodies: bodies.hide([3]), lambda bodies: bodies.remove(3),
+    lambda bodies: bodies.hide(indexable(np.array([3]))), lambda bodies: bodies.remove(3),
     lambda bodies: bodies.place(3, Polygon(SQUARE - 50).packed, PolygonSet())])
 def test_sets_of_one_thread_drop_the_index(change):
     bodies = PackedSet(np.arange(30)[:, None, None] + SQUARE)

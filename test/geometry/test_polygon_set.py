@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from sat_collision import (
     intersects, intersects_many, intersects_pairs, Polygon, PolygonError, PolygonSet, separation)
+from sat_collision.geometry.compiled.jit import indexable
 from sat_collision.geometry.sets.packed_set import PackedSet
 import shapely
 
@@ -94,7 +95,7 @@ def test_hidden_rows_have_no_contacts_until_placed():
     """No other body is given their rows."""
     square = [(0, 0), (1, 0), (1, 1), (0, 1)]
     bodies = PackedSet([square, square, square])
-    bodies.hide([0, 2])
+    bodies.hide(indexable(np.array([0, -1, 2])))
     assert bodies.intersecting_rows(square).tolist() == [1]
     assert bodies.append(square) == 3
     bodies.place(2, Polygon(square).packed, bodies)

@@ -11,13 +11,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from sat_collision.geometry.compiled.jit import indexable
 from sat_collision.geometry.sets.polygon_set import ascending, Point, PolygonSet
 from sat_collision.geometry.sets.run import Run, write_run
+from sat_collision.geometry.sets.set_kernels import hide_rows
 
 
 class PackedSet(PolygonSet):
@@ -62,8 +63,8 @@ class PackedSet(PolygonSet):
         nearest: list[int] = rows[np.argsort(distances, kind='stable')[:limit]].tolist()
         return nearest
 
-    def hide(self, rows: Sequence[int]) -> None:
-        """Empty rows; each stays in use until it is filled again or removed."""
+    def hide(self, rows: Any) -> None:
+        """Empty rows (-1: none); each stays in use until it is filled again or removed."""
         if self._queries:
             self._forget_index()
-        self._rows.n[rows] = 0
+        hide_rows(self._array, rows)

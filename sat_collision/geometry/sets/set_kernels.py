@@ -92,6 +92,15 @@ def write_row(set_array, row, body, count):
 
 
 @kernel
+def hide_rows(set_array, hidden):
+    """Empty rows, which are given by number; -1 stands for none."""
+    rows = rows_of(set_array)
+    for k in range(len(hidden)):
+        if hidden[k] >= 0:
+            rows.n[hidden[k]] = 0
+
+
+@kernel
 def write_and_intersect(set_array, row, body, count, others, indexed):
     """Write a body as `write_row` does; if that returns 0, add its `intersecting_rows`."""
     outcome = write_row(set_array, row, body, count)

@@ -34,7 +34,7 @@ _OF_DATA = _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX
 _OF_SUMMARY = _SCHEMA, _CHANNEL, _CHUNK_INDEX, _STATISTICS
 _RECORD_HEAD = struct.Struct('<BQ')
 _MESSAGE_HEAD = struct.Struct('<HIQQ')
-_MESSAGE_RECORD = struct.Struct('<BQHIQQ')
+_MESSAGE_RECORD = struct.Struct('<BQH4xQ8x')
 _CHUNK_HEAD = struct.Struct('<QQQI')
 _FOOTER = struct.Struct('<BQQQI')
 _FOOTER_SIZE = _FOOTER.size + len(_MAGIC)
@@ -192,7 +192,7 @@ class McapFile(Storage):
         whole, unpack = end - record_size, _MESSAGE_RECORD.unpack_from
         while at < end:
             if at <= whole:
-                kind, size, channel, _, time, _ = unpack(content, at)
+                kind, size, channel, time = unpack(content, at)
                 behind = at + head_size + size
                 if kind == _MESSAGE and size >= least and behind <= end:
                     if channel in topics and first <= time < last:

@@ -28,8 +28,8 @@ Message: TypeAlias = tuple[str, int, bytes]  # topic, time in ns, data
 # Consecutive messages of one topic: the topic, their times in ns, which do not fall, their data.
 Row: TypeAlias = tuple[str, list[int], list[bytes]]
 
-# Max messages in a row, as many as the node processes together.
-LONGEST_ROW = 64
+# Max messages in a row.
+LONGEST_ROW = 256
 
 EMPTY = ('the file is empty: nothing was recorded, or it was not copied whole; record or copy it '
          'again')

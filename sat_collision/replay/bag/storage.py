@@ -29,7 +29,7 @@ Message: TypeAlias = tuple[str, int, bytes]  # topic, time in ns, data
 Row: TypeAlias = tuple[str, list[int], list[bytes]]
 
 # Max messages in a row.
-LONGEST_ROW = 256
+LONGEST_ROW = 128
 
 EMPTY = ('the file is empty: nothing was recorded, or it was not copied whole; record or copy it '
          'again')

@@ -115,30 +115,31 @@ class Monitor:
         self._pass_time(now)
         rejections: Sequence[Rejection] = _NOTHING
         batch = Batch(messages, number) if name in self.ingest.headers else None
-        taken = 0
-        while taken < len(messages):
+        applied = 0
+        while applied < len(messages):
             if batch and name not in self.waiting and (
-                    run := self.ingest.take_run(name, batch, taken, now)):
-                taken += run
+                    run := self.ingest.apply_run(name, batch, applied, now)):
+                applied += run
             else:
-                if refused := self._admit(name, messages[taken], number and number + taken, now):
+                if refused := self._admit(
+                        name, messages[applied], number and number + applied, now):
                     rejections = [*rejections, *refused]
-                taken += 1
+                applied += 1
         return rejections
 
     def receive_run(self, name: str, batch: Batch, begin: int, now: int) -> int:
         """
-        Receive messages of one stamp of a batch, from `begin` on; return how many were taken.
+        Receive messages of one stamp of a batch, from `begin` on; return how many were applied.
 
         The next one must be received by itself. `now` is when the first one came; until the last
         one came none may be too old, and nothing may be due. While a source has faults none is
-        taken, because the words of these may change with each message.
+        applied, because the words of these may change with each message.
         """
         self._pass_time(now)
-        taken = 0 if name in self.waiting or self.scene.source_faults else (
-            self.ingest.take_run(name, batch, begin, now))
-        self.received[name] += taken
-        return taken
+        applied = 0 if name in self.waiting or self.scene.source_faults else (
+            self.ingest.apply_run(name, batch, begin, now))
+        self.received[name] += applied
+        return applied
 
     def receive_mixed(self, name: str, messages: Sequence[bytes],
                       now: int) -> Sequence[Rejection]:
@@ -178,16 +179,16 @@ class Monitor:
 
     def receive_transforms(self, topic: str, data: bytes, now: int,
                            number: int | None = None) -> list[Rejection]:
-        """Receive a message of /tf or /tf_static, and take the messages that waited for it."""
+        """Receive a message of /tf or /tf_static, and apply the messages that waited for it."""
         self._pass_time(now)
-        return self.transforms.receive(topic, data, now, number) + self._take_moved(now)
+        return self.transforms.receive(topic, data, now, number) + self._apply_moved(now)
 
     def advance(self, now: int) -> list[Rejection]:
         """Let time pass, see `Scene.pass_time`, and refuse messages that waited too long."""
         self._pass_time(now)
         rejections = self.outlines.follow(now) if self.outlines.deadline < now else []
         if self.waiting.earliest < now:
-            rejections += self.waiting.take(now)
+            rejections += self.waiting.apply(now)
         self.scene.pass_time(now)
         return rejections
 
@@ -197,11 +198,11 @@ class Monitor:
         deadline = min(self.scene.deadline, self.waiting.earliest)
         return min(deadline, self.outlines.deadline) if self.outlines.names else deadline
 
-    def _take_moved(self, now: int) -> list[Rejection]:
-        """Take messages whose transforms have arrived, and place outlines that have moved."""
+    def _apply_moved(self, now: int) -> list[Rejection]:
+        """Apply messages whose transforms have arrived, and place outlines that have moved."""
         rejections = self.outlines.follow(now)
         if self.waiting.earliest < NEVER:
-            rejections += self.waiting.take(now)
+            rejections += self.waiting.apply(now)
         self._request_maps(now)
         self.ingest.follow_maps(now)
         return rejections
@@ -256,16 +257,16 @@ class Monitor:
 
     def _admit(self, name: str, data: bytes, number: int | None,
                now: int) -> Sequence[Rejection]:
-        """Take a message or queue it: for a transform, or behind messages that wait for one."""
+        """Apply a message or queue it: for a transform, or behind messages that wait for one."""
         settings = self.scene.settings_of(name)
         if not settings.enabled:
             return _NOTHING
         if name in self.outlines.names:
             self.scene.receive_number(name, number, now)
-            return self.outlines.receive(name, data, now) + self._take_moved(now)
+            return self.outlines.receive(name, data, now) + self._apply_moved(now)
         wait = None
         if name not in self.waiting:
-            outcome = self.ingest.take(settings, data, number, now)
+            outcome = self.ingest.apply(settings, data, number, now)
             if not isinstance(outcome, Wait):
                 return [outcome] if outcome else _NOTHING
             wait = outcome

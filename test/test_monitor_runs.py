@@ -85,7 +85,7 @@ def test_batches_give_the_same_as_single_messages(seed):
     monitors = [Monitor(settings, True, one if follows else None, decides_contacts=k < 3)
                 for k, one in enumerate(places)]
     singly, alone, together, undecided = monitors
-    singly.ingest.take_run = lambda *_: 0
+    singly.ingest.apply_run = lambda *_: 0
     now, number = source.choice((NOW, NOW, SECOND // 5)), source.choice((1, 7, None))
     for monitor in monitors:
         monitor.receive_transforms('/tf_static', transforms(('map', 'laser', 0, 0.25, 3.0, 1.5)),
@@ -155,7 +155,7 @@ def test_unusual_message_in_a_run_is_received_by_itself(
     monitor = Monitor(replace(SETTINGS, margin=margin, obstacles=(
         replace(SETTINGS.obstacles[0], set_end=set_end),)))
     taken = []
-    take_run = monitor.ingest.take_run
+    take_run = monitor.ingest.apply_run
 
     def take(*arguments):
         taken.append(take_run(*arguments))

@@ -69,7 +69,7 @@ class Batch:
 
 
 class Placement(NamedTuple):
-    """For recorded motion: a message that was taken, or a run that differ only in their points."""
+    """For recorded motion: a message that was applied, or a run of them."""
 
     name: str  # of the footprint or source of obstacles
     stamp: int  # in ns, the time of reception if it has none
@@ -116,7 +116,7 @@ class Placement(NamedTuple):
 
 class Ingest:
     """
-    Passes messages to a scene, or refuses them.
+    Decodes messages, places them in the fixed frame and applies them to a scene, or refuses them.
 
     If `transforms` is None, all messages in other frames are refused. `placements` receives the
     accepted messages.
@@ -143,8 +143,8 @@ class Ingest:
         # By source of a map, for each other frame in which it was sent: the affine map from there.
         self._followed: dict[str, dict[str, Affine2D]] = {}
 
-    def take_run(self, name: str, batch: Batch, begin: int, now: int) -> int:
-        """Pass on messages of one stamp in the frame of the one before; return how many."""
+    def apply_run(self, name: str, batch: Batch, begin: int, now: int) -> int:
+        """Apply messages of one stamp in the frame of the one before; return how many."""
         if (header := self.headers.get(name)) is None:
             return 0
         after_stamp, points_at, frame_id = header
@@ -159,22 +159,22 @@ class Ingest:
             if isinstance(found, NoTransform) or not settings.timeout:
                 return 0
             affine, frame_id = found.affine, self._fixed
-        taken = self._scene.obstacle_run(
+        applied = self._scene.obstacle_run(
             name, (batch.data, batch.ends, begin, points_at - COUNT_SIZE, affine or UNMOVED,
                    self._packer.max_vertices, self._packer.array),
             frame_id, stamp, now, batch.number and batch.number + begin)
         placements = self._placements
-        if taken and placements is not None:
-            if taken < len(batch.messages):
-                batch = Batch(batch.messages[begin:begin + taken])
+        if applied and placements is not None:
+            if applied < len(batch.messages):
+                batch = Batch(batch.messages[begin:begin + applied])
             placements.append(Placement(
                 name, stamp, frame_id, (batch.data, batch.ends, points_at, TRIPLE), affine, None,
                 *self._scene.joined(name)))
-        return taken
+        return applied
 
-    def take(self, settings: FootprintSettings | ObstacleSettings, data: bytes,
-             number: int | None, now: int, may_wait: bool = True) -> Rejection | Wait | None:
-        """Pass on a message; return a Wait if it may wait and its transform may still arrive."""
+    def apply(self, settings: FootprintSettings | ObstacleSettings, data: bytes,
+              number: int | None, now: int, may_wait: bool = True) -> Rejection | Wait | None:
+        """Apply a message; return a Wait if it may wait and its transform may still arrive."""
         scene, name = self._scene, settings.name
         stamp = instance = None
         try:
@@ -242,8 +242,8 @@ class Ingest:
         return self.reject(settings, refusal, detail_of(
             refusal, frame_id, scene.frame_id, (now - stamp) / 1e9, settings.timeout))
 
-    def take_early(self, settings: ObstacleSettings, data: bytes, now: int,
-                   order: int) -> Wait | None:
+    def apply_early(self, settings: ObstacleSettings, data: bytes, now: int,
+                    order: int) -> Wait | None:
         """
         Let an obstacle count that is queued behind a message which waits.
 
@@ -352,8 +352,8 @@ class Ingest:
                 frame_id, 0, now, self._scene.footprint_timeout(settings.name))
         return self._transforms.lookup_affine(frame_id, stamp, now, settings.timeout)
 
-    def place(self, settings: FootprintSettings, points: Points, found: Mapped, now: int,
-              velocity_at: Callable[[Mapped], Velocity | None]) -> Rejection | None:
+    def place_outline(self, settings: FootprintSettings, points: Points, found: Mapped, now: int,
+                      velocity_at: Callable[[Mapped], Velocity | None]) -> Rejection | None:
         """
         Place the outline of a footprint where its frame was found.
 
@@ -377,7 +377,8 @@ class Ingest:
         return self.reject(settings, refusal, detail_of(
             refusal, self._fixed, self._fixed, (now - stamp) / 1e9, settings.timeout))
 
-    def no_place(self, settings: FootprintSettings, found: NoTransform, now: int) -> Rejection:
+    def refuse_outline(self, settings: FootprintSettings, found: NoTransform,
+                       now: int) -> Rejection:
         """Refuse an outline whose frame has no transform."""
         self._scene.refuse(settings.name, found.lasting, now)
         return self.reject(settings, found.reason, found.detail)

@@ -141,7 +141,7 @@ class Outlines:
             if one.fault == found.lasting or found.may_come and not has_waited:
                 return None
             one.forget(found.lasting)
-            return self._ingest.no_place(settings, found, now)
+            return self._ingest.refuse_outline(settings, found, now)
         if not one.is_moved(found, now):
             return None
         one.next = max(one.next, now) + one.period
@@ -149,7 +149,8 @@ class Outlines:
         one.is_static = found.at is None
         if not settings.odometry:
             self._received[settings.name] += 1
-        return self._ingest.place(settings, one.points, found, now, partial(self._velocity, one))
+        return self._ingest.place_outline(settings, one.points, found, now,
+                                          partial(self._velocity, one))
 
     def _velocity(self, one: _PlacedOutline, found: Mapped) -> Velocity | None:
         """Return the velocity given for an outline, whose frame was found; None if none is."""

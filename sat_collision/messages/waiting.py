@@ -63,13 +63,13 @@ class _Queue:
         self.size -= len(self.items.popleft().data)
         self.first += 1
 
-    def place(self, take: Callable[[bytes, int], Wait | None]) -> bool:
-        """Take obstacles by bytes and number while they have a place; return whether any had."""
+    def apply_placed(self, apply: Callable[[bytes, int], Wait | None]) -> bool:
+        """Apply obstacles by bytes and number while they have a place; return whether any had."""
         is_any = False
         for heap in self._unplaced.values():
             while heap:
                 _, number, data = heap[0]
-                if number >= self.first and take(data, number):
+                if number >= self.first and apply(data, number):
                     break
                 heappop(heap)
                 is_any = True
@@ -105,7 +105,7 @@ class WaitingItems:
         self._count = 0
         # The numbers of the first items by name, as last told to the scene.
         self._firsts: dict[str, int] = {}
-        self.earliest = NEVER  # when the first of them must be taken
+        self.earliest = NEVER  # when the first of them must be applied
         self.configure(settings)
 
     def configure(self, settings: Settings) -> None:
@@ -120,7 +120,7 @@ class WaitingItems:
 
     def hold(self, name: str, held: Held, now: int, wait: Wait | None = None) -> list[Rejection]:
         """
-        Let an item wait; beyond a number of items or bytes the oldest are taken.
+        Let an item wait; beyond a number of items or bytes the oldest are applied.
 
         `wait` is what it waits for if it is the first one.
         """
@@ -133,28 +133,28 @@ class WaitingItems:
         if queue is None:
             queue = self._queues[name] = _Queue(self._count)
         elif not held.happens:
-            wait = self._take_early(name, held.data, now, queue.first + len(queue.items))
+            wait = self._apply_early(name, held.data, now, queue.first + len(queue.items))
         self._count += 1
         queue.append(held._replace(until=now + self._timeout, end=end), wait)
         rejections: list[Rejection] = []
         excess = max(len(queue.items) - limit, 0 if end is None or wait else queue.replaced)
-        taken = 0
-        while taken < excess or len(queue.items) > 1 and queue.size > _BYTES_WAIT:
-            self._take_first(name, now, False, rejections)
-            taken += 1
-        if taken:
-            rejections += self.take(now)
+        applied = 0
+        while applied < excess or len(queue.items) > 1 and queue.size > _BYTES_WAIT:
+            self._apply_first(name, now, False, rejections)
+            applied += 1
+        if applied:
+            rejections += self.apply(now)
         elif len(queue.items) == 1:
             self._note_firsts()
         return rejections
 
-    def take(self, now: int) -> list[Rejection]:
-        """Take the items that need not wait any more."""
+    def apply(self, now: int) -> list[Rejection]:
+        """Apply the items that need not wait any more."""
         rejections: list[Rejection] = []
         for name, queue in [*self._queues.items()]:
-            while self._take_placed(name, queue, now, rejections):
+            while self._apply_placed(name, queue, now, rejections):
                 for _ in range(queue.replaced):
-                    self._take_first(name, now, False, rejections)
+                    self._apply_first(name, now, False, rejections)
             if not queue.items:
                 del self._queues[name]
         self._note_firsts()
@@ -175,7 +175,7 @@ class WaitingItems:
             is_map = isinstance(settings, ObstacleSettings) and not settings.timeout
             for held in queue.items:
                 if held.happens or is_map:
-                    self._take(name, held, now, False)
+                    self._apply(name, held, now, False)
         self._note_firsts()
 
     def _note_firsts(self) -> None:
@@ -188,18 +188,19 @@ class WaitingItems:
                 self._scene.wait(name, firsts.get(name, NEVER))
         self._firsts = firsts
 
-    def _take_placed(self, name: str, queue: _Queue, now: int,
-                     rejections: list[Rejection]) -> bool:
-        """Take first items, and let others count; return whether a listing may have its place."""
-        while queue.items and self._take_first(name, now, now <= queue.items[0].until, rejections):
+    def _apply_placed(self, name: str, queue: _Queue, now: int,
+                      rejections: list[Rejection]) -> bool:
+        """Apply first items, and let others count; return whether a listing may have its place."""
+        while queue.items and self._apply_first(
+                name, now, now <= queue.items[0].until, rejections):
             pass
-        return queue.place(lambda data, order: self._take_early(name, data, now, order))
+        return queue.apply_placed(lambda data, order: self._apply_early(name, data, now, order))
 
-    def _take_first(self, name: str, now: int, may_wait: bool,
-                    rejections: list[Rejection]) -> bool:
-        """Take the first item of a name, if it need not wait; return whether it was taken."""
+    def _apply_first(self, name: str, now: int, may_wait: bool,
+                     rejections: list[Rejection]) -> bool:
+        """Apply the first item of a name, if it need not wait; return whether that was done."""
         queue = self._queues[name]
-        outcome = self._take(name, queue.items[0], now, may_wait)
+        outcome = self._apply(name, queue.items[0], now, may_wait)
         if isinstance(outcome, Wait):
             return False
         queue.pop()
@@ -207,17 +208,17 @@ class WaitingItems:
             rejections.append(outcome)
         return True
 
-    def _take(self, name: str, held: Held, now: int, may_wait: bool) -> Rejection | Wait | None:
+    def _apply(self, name: str, held: Held, now: int, may_wait: bool) -> Rejection | Wait | None:
         settings = self._scene.settings_of(name)
         if held.happens:
             held.happens()
         elif settings.enabled:
-            return self._ingest.take(settings, held.data, held.number, now, may_wait)
+            return self._ingest.apply(settings, held.data, held.number, now, may_wait)
         return None
 
-    def _take_early(self, name: str, data: bytes, now: int, order: int) -> Wait | None:
+    def _apply_early(self, name: str, data: bytes, now: int, order: int) -> Wait | None:
         """Let an obstacle count that is queued behind the first item, unless it has no place."""
         settings = self._scene.settings_of(name)
         if isinstance(settings, ObstacleSettings) and settings.enabled:
-            return self._ingest.take_early(settings, data, now, order)
+            return self._ingest.apply_early(settings, data, now, order)
         return None

@@ -185,7 +185,7 @@ class Listings(Knowledge):
 
     def receive(self, message: Message, now: int) -> str | None:
         one = self._add(message, now)
-        refusal = message.refusal or one.group.take(
+        refusal = message.refusal or one.group.add(
             message.body, message.frame_id, message.time, message.instance)
         if refusal:
             self.refuse(refusal, now)
@@ -199,22 +199,22 @@ class Listings(Knowledge):
         one = self._open
         ends = self._end == NEW_STAMP and stamp != one.stamp and not one.is_empty
         group = self._next if ends else one.group
-        taken = group.take_run(run, self._store.max_count - len(group), frame_id, stamp)
-        if taken:
-            self._add(Message(CONTINUES, stamp, stamp, True), now, taken)
-        return taken
+        added = group.add_run(run, self._store.max_count - len(group), frame_id, stamp)
+        if added:
+            self._add(Message(CONTINUES, stamp, stamp, True), now, added)
+        return added
 
-    def _add(self, message: Message, now: int, taken: int = 0) -> _Listing:
+    def _add(self, message: Message, now: int, added: int = 0) -> _Listing:
         """
         Let obstacles join a listing, and return it.
 
-        `taken` is how many of a run its group has taken already.
+        `added` is how many of a run its group has added already.
         """
         self._continue(message, now)
         one = self._join(message, now)
         self.newest = max(self.newest, message.stamp)
         if message.time < one.time:
-            place = len(one.group) - taken if message.instance is None else message.instance
+            place = len(one.group) - added if message.instance is None else message.instance
             one.time, one.oldest = message.time, ObstacleId(self._store.source, place)
         one.begun = min(one.begun, now)
         return one
@@ -415,13 +415,13 @@ class Refreshed(Knowledge):
         if message.instance and by_id is not None:
             # A message with an id has one polygon.
             body = cast(PackedBody | None, message.body)
-            refusal = by_id.take(message.instance, body, message.frame_id, message.stamp,
-                                 message.time, refusal, self.room > 0)
+            refusal = by_id.add(message.instance, body, message.frame_id, message.stamp,
+                                message.time, refusal, self.room > 0)
         elif self.room > 0:
             end = self._end_of_part(message.stamp)
             if end not in self._parts:
                 self._parts[end] = self._store.new_set()
-            self._parts[end].take(message.body, message.frame_id, message.time)
+            self._parts[end].add(message.body, message.frame_id, message.time)
             self._gather(message.stamp, 1)
         else:
             refusal = TOO_MANY
@@ -447,11 +447,11 @@ class Refreshed(Knowledge):
 
     def receive_run(self, run: Run, frame_id: str, stamp: int, now: int) -> int:
         part = self._parts.get(self._end_of_part(stamp))
-        taken = 0 if part is None else part.take_run(run, self.room, frame_id, stamp)
-        if taken:
+        added = 0 if part is None else part.add_run(run, self.room, frame_id, stamp)
+        if added:
             self._continue(Message(CONTINUES, stamp, stamp, True), now)
-            self._gather(stamp, taken)
-        return taken
+            self._gather(stamp, added)
+        return added
 
     def _end_of_part(self, stamp: int) -> int:
         return (stamp // self._part + 1) * self._part

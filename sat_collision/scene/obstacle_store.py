@@ -162,18 +162,18 @@ class SetGroup(ObstacleGroup):
         self._places: list[Obstacle] = []
         # The row of each place, -1 for none.
         self._rows = indexable(np.empty(0, np.int64))
-        self._taken = 0
+        self._added = 0
         # Of runs: begin and end of their places, and the frame and time of their obstacles. Only
         # `flush` writes these to the obstacles: most sets are dropped before that is needed.
         self._pending: list[tuple[int, int, str, float]] = []
 
     def __len__(self) -> int:
-        """Return how many messages were taken."""
-        return self._taken
+        """Return how many messages were added."""
+        return self._added
 
     def __iter__(self) -> Iterator[Obstacle]:
         self.flush()
-        return (one for one in self._places[:self._taken] if one.row is not None)
+        return (one for one in self._places[:self._added] if one.row is not None)
 
     @property
     def oldest(self) -> float:
@@ -188,28 +188,28 @@ class SetGroup(ObstacleGroup):
                 obstacle.sent = None
         self._pending.clear()
 
-    def take_run(self, run: Run, limit: int, frame_id: str, time: int) -> int:
+    def add_run(self, run: Run, limit: int, frame_id: str, time: int) -> int:
         """Take obstacles of a run as `Contacts.place_run` does; return how many."""
-        begin = self._taken
+        begin = self._added
         count = self._contacts.place_run(run, self._rows, begin, limit) if limit > 0 else 0
         if count:
-            self._taken += count
+            self._added += count
             self._oldest = min(self._oldest, time)
-            self._pending.append((begin, self._taken, frame_id, time))
+            self._pending.append((begin, self._added, frame_id, time))
         return count
 
-    def take(self, body: Shape | None, frame_id: str, time: int,
-             instance: int | None = None) -> str | None:
+    def add(self, body: Shape | None, frame_id: str, time: int,
+            instance: int | None = None) -> str | None:
         """Take an obstacle, named by its id or else by its place; return TOO_MANY without room."""
         if isinstance(body, Polygons):
-            return self._take_all(body, frame_id, time)
+            return self._add_all(body, frame_id, time)
         sent = None
         if isinstance(body, Followed):
             body, sent = body
-        place = self._taken
+        place = self._added
         if place >= self._store.max_count:
             return TOO_MANY
-        self._taken = place + 1
+        self._added = place + 1
         self._oldest = min(self._oldest, time)
         if place == len(self._places):
             self._places.append(Obstacle(self, self._store.source, place))
@@ -226,17 +226,17 @@ class SetGroup(ObstacleGroup):
         self._put(obstacle, body, frame_id, time)
         return None
 
-    def _take_all(self, polygons: Polygons, frame_id: str, time: int) -> str | None:
+    def _add_all(self, polygons: Polygons, frame_id: str, time: int) -> str | None:
         """Take the polygons of a message; return why the first refused one is."""
         problem = None
         k = 0
         while k < polygons.count and problem is not TOO_MANY:
             if polygons.run:
-                k += self.take_run(polygons.run(k), self._store.max_count - self._taken, frame_id,
-                                   time)
+                k += self.add_run(polygons.run(k), self._store.max_count - self._added, frame_id,
+                                  time)
             if k < polygons.count:
                 body, refusal = polygons.body(k)
-                refusal = self.take(body, frame_id, time) or refusal
+                refusal = self.add(body, frame_id, time) or refusal
                 problem = refusal if refusal is TOO_MANY else problem or (
                     refusal and f'polygon {k}: {refusal}')
                 k += 1
@@ -244,19 +244,19 @@ class SetGroup(ObstacleGroup):
 
     def set_times(self, time: int) -> None:
         super().set_times(time)
-        self._oldest = time if self._taken else NEVER
+        self._oldest = time if self._added else NEVER
 
     def clear(self) -> None:
         """Hide all obstacles."""
-        places, taken = self._places, self._taken
-        if taken < len(places):
-            super()._forget(places[taken:])
-            np.asarray(self._rows)[taken:len(places)] = -1
-            del places[taken:]
+        places, added = self._places, self._added
+        if added < len(places):
+            super()._forget(places[added:])
+            np.asarray(self._rows)[added:len(places)] = -1
+            del places[added:]
         self._contacts.hide_obstacles(self, self._rows)
         self._pending.clear()
         self.frames.clear()
-        self._taken = 0
+        self._added = 0
         self._oldest = NEVER
         self._store.drop(self)
 
@@ -305,8 +305,8 @@ class KeyedGroup(ObstacleGroup):
         """Why messages in the place of obstacles were refused."""
         return sorted(+self._refused)
 
-    def take(self, instance: int, body: PackedBody | None, frame_id: str, stamp: int, time: int,
-             refusal: str | None, has_room: bool) -> str | None:
+    def add(self, instance: int, body: PackedBody | None, frame_id: str, stamp: int, time: int,
+            refusal: str | None, has_room: bool) -> str | None:
         """
         Take a message, with body None if it is refused; return why it is refused, or None.
 

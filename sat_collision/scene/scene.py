@@ -221,17 +221,17 @@ class Scene(SceneView):
 
     def obstacle_run(self, name: str, run: Run, frame_id: str, stamp: int, now: int,
                      number: int | None) -> int:
-        """Receive a run of obstacles of one stamp; return how many were taken."""
+        """Receive a run of obstacles of one stamp; return how many were added."""
         if self.frame_id and frame_id != self.frame_id:
             return 0
         if now != self._now:
             self.pass_time(now)
         source = self.sources[name]
         faults = source.faults
-        taken = source.receive_run(run, frame_id, stamp, number, now)
-        if taken:
+        added = source.receive_run(run, frame_id, stamp, number, now)
+        if added:
             self._evaluate_obstacles(source, stamp, source.faults != faults)
-        return taken
+        return added
 
     def _evaluate_obstacles(self, source: Source, time: int, has_new_faults: bool) -> None:
         """Evaluate what follows from obstacles received, which count from a time."""

@@ -217,7 +217,7 @@ class Source:
                 self._is_early_open = True
             last, group = self._early[-1]
             self._early[-1] = max(last, order), group
-            refusal = group.take(body, frame_id, min(stamp or now, now), instance)
+            refusal = group.add(body, frame_id, min(stamp or now, now), instance)
         if refusal:
             self._early_refusal = order, refusal
 
@@ -244,7 +244,7 @@ class Source:
             self._is_far = is_old and (self._is_far or now - time > FAR)
         if self._mixed is not None:
             if body is not None:
-                self._mixed.take(body, frame_id, time)
+                self._mixed.add(body, frame_id, time)
             return refusal
         # The start of a map may be kept by its publisher, unless this is all that it keeps.
         wants_history = self.knowledge.wants_history or self.stream.last > 0
@@ -288,7 +288,7 @@ class Source:
     def receive_run(self, run: Run, frame_id: str, stamp: int, number: int | None,
                     now: int) -> int:
         """
-        Receive messages of one stamp as `receive` would one by one; return how many were taken.
+        Receive messages of one stamp as `receive` would one by one; return how many were added.
 
         The next one may be refused, may meet a footprint, or may end the set, and must be received
         by itself.
@@ -299,15 +299,15 @@ class Source:
                 or not 0 < stamp <= now <= stamp + self.timeout
                 or stamp + self.timeout < knowledge.newest):
             return 0
-        taken = knowledge.receive_run(run, frame_id, stamp, now)
-        if taken:
+        added = knowledge.receive_run(run, frame_id, stamp, now)
+        if added:
             # All before the last one continued the stream.
-            stream.last += taken - 1
+            stream.last += added - 1
             stream.receive(number and stream.last + 1, now)
             self._drop_former()
             if self.faults or knowledge.is_known is not self._was_known:
                 self.find_faults(now)
-        return taken
+        return added
 
     def refuse_other_frames(self, frame_id: str, now: int) -> None:
         """Refuse obstacles in other frames, received before the common frame was known."""

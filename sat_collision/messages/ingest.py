@@ -33,8 +33,9 @@ from sat_collision.scene.frames import LONGEST_FRAME_ID, Mapped, NoTransform
 from sat_collision.scene.obstacle_store import Followed, Polygons, Shape
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import (
-    CommandSettings, EACH_MESSAGE, EMPTY_POLYGON, FootprintSettings, NEVER, ObstacleSettings,
-    PathSettings, POLYGON, POLYGON_2D, POLYGON_COLLECTION, POLYGON_INSTANCE, Settings)
+    CommandSettings, EACH_MESSAGE, EMPTY_POLYGON, FootprintSettings, in_ns, NEVER,
+    ObstacleSettings, PathSettings, POLYGON, POLYGON_2D, POLYGON_COLLECTION, POLYGON_INSTANCE,
+    Settings)
 from sat_collision.scene.velocity import Velocity
 
 _NO_ENDS = indexable(np.empty(0, np.int64))
@@ -316,7 +317,7 @@ class Ingest:
         """Place maps anew whose frames have moved; one whose frame is not known is not known."""
         for name, affines in self._followed.items():
             limits: dict[str, tuple[str, float]] = {}
-            timeout = round(self._scene.footprint_timeout(name) * 1e9) or NEVER
+            timeout = in_ns(self._scene.footprint_timeout(name))
             frames = self._scene.map_frames(name)
             for frame_id in affines.keys() - frames:
                 del affines[frame_id]

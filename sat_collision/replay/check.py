@@ -44,7 +44,7 @@ from sat_collision.replay.plans import Plans
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.scene import OVERTAKEN
 from sat_collision.scene.settings import (
-    EMPTY_POLYGON, FAR, FootprintSettings, NEVER, NONE, PathSettings, POLYGON,
+    EMPTY_POLYGON, FAR, FootprintSettings, in_ns, NEVER, NONE, PathSettings, POLYGON,
     POLYGON_INSTANCE, Settings)
 
 if TYPE_CHECKING:
@@ -255,7 +255,7 @@ class _Check:
         # A rejected footprint has no pose until the next one, so each message counts; so do plans.
         single = {one.name for one in self._settings.footprints} | plans
         # By topic, the source whose messages may be received several at once, and its timeout.
-        of_runs = {source.topic: (source.name, round(source.timeout * 1e9) or NEVER)
+        of_runs = {source.topic: (source.name, in_ns(source.timeout))
                    for source in self._settings.obstacles
                    if names.get(source.topic) == [source.name] and source.type == POLYGON}
         if self._options.start:

@@ -16,7 +16,8 @@ import enum
 from typing import NamedTuple, TypeAlias
 
 from sat_collision.scene.obstacles import Body, Obstacle, ObstacleId
-from sat_collision.scene.settings import BY_ANOTHER_CLOCK, FAR, FootprintSettings, NEVER
+from sat_collision.scene.settings import (
+    BY_ANOTHER_CLOCK, FAR, FootprintSettings, in_ns, NEVER)
 from sat_collision.scene.streams import Stream
 from sat_collision.scene.velocity import Command, MotionTracker
 
@@ -85,7 +86,7 @@ class Footprint(Body[Obstacle]):
     def configure(self, settings: FootprintSettings) -> None:
         """Apply settings; with other sources its contacts must be decided again."""
         self.settings = settings
-        self.timeout = round(settings.timeout * 1e9) if settings.timeout > 0.0 else NEVER
+        self.timeout = in_ns(settings.timeout)
         self.stream.timeout = self.timeout
 
     @property

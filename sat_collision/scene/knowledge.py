@@ -30,7 +30,7 @@ from sat_collision.scene.obstacle_store import (
     KeyedGroup, ObstacleGroup, ObstacleStore, SetGroup, Shape, TOO_MANY)
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import (
-    EACH_MESSAGE, EMPTY_POLYGON, NEVER, NEW_STAMP, ObstacleSettings, POLYGON_INSTANCE)
+    EACH_MESSAGE, EMPTY_POLYGON, in_ns, NEVER, NEW_STAMP, ObstacleSettings, POLYGON_INSTANCE)
 from sat_collision.scene.streams import BEGUN, CONTINUES, Continuity, JOINED, LOST
 
 LOSS = 'messages were lost'
@@ -87,7 +87,7 @@ class Knowledge:
 
     def configure(self, settings: ObstacleSettings, tolerance: int, now: int) -> None:
         """Apply settings, and by how much clocks may differ; a longer timeout proves less."""
-        before, self.timeout = self.timeout, round(settings.timeout * 1e9) or NEVER
+        before, self.timeout = self.timeout, in_ns(settings.timeout)
         self._tolerance = tolerance
         if before < self.timeout and self._heard > -NEVER:
             self.miss(_CHANGED, now)

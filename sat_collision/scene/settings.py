@@ -63,6 +63,11 @@ def _setting(description: str, **more: Any) -> Mapping[str, Spec]:
     return {_SPEC: Spec(description, **more)}
 
 
+def in_ns(timeout: float) -> float:
+    """Return a timeout of s in ns, NEVER for 0.0."""
+    return max(round(timeout * 1e9), 1) if timeout else NEVER
+
+
 def specs(kind: type) -> dict[str, tuple[Any, Spec]]:
     """Return default and Spec of every setting of a class by name; MISSING for no default."""
     return {one.name: (one.default, one.metadata[_SPEC])

@@ -21,8 +21,8 @@ from sat_collision.scene.knowledge import Listings, LOSS, Message, Refreshed
 from sat_collision.scene.obstacle_store import (
     ObstacleGroup, ObstacleStore, OTHER_FRAME, SetGroup, Shape)
 from sat_collision.scene.settings import (
-    BY_ANOTHER_CLOCK, EACH_MESSAGE, EMPTY_POLYGON, FAR, NEVER, NEW_STAMP, NONE, ObstacleSettings,
-    POLYGON_COLLECTION, POLYGON_INSTANCE)
+    BY_ANOTHER_CLOCK, EACH_MESSAGE, EMPTY_POLYGON, FAR, in_ns, NEVER, NEW_STAMP, NONE,
+    ObstacleSettings, POLYGON_COLLECTION, POLYGON_INSTANCE)
 from sat_collision.scene.streams import BEGUN, CONTINUES, Endpoint, JOINED, Stream
 from sat_collision.scene.velocity import MotionTracker, Vertices
 
@@ -75,7 +75,7 @@ class Source:
 
     def _use(self, settings: ObstacleSettings, tolerance: int) -> None:
         self.settings, self._tolerance = settings, tolerance
-        self.timeout = self.stream.timeout = round(settings.timeout * 1e9) or NEVER
+        self.timeout = self.stream.timeout = in_ns(settings.timeout)
         self.store.max_count = settings.max_count
 
     def _new_knowledge(self) -> _Knowledge:

@@ -34,7 +34,8 @@ from sat_collision.replay.motion.tracker import Emit, KeyTracker, SetTracker, St
 from sat_collision.replay.motion.trajectories import Poses, Trajectory
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.scene import Scene
-from sat_collision.scene.settings import FootprintSettings, NONE, POLYGON_INSTANCE, Settings
+from sat_collision.scene.settings import (
+    FootprintSettings, in_ns, NONE, POLYGON_INSTANCE, Settings)
 from sat_collision.scene.velocity import Command
 
 
@@ -170,7 +171,7 @@ class RecordedMotion:
         self._frame_id = settings.frame_id
         self._sources = {source.name: source for source in settings.obstacles}
         self._trackers: dict[str, Tracker] = {}
-        keep = 3 * max((min(round(source.timeout * 1e9) or LONGEST, LONGEST)
+        keep = 3 * max((round(min(in_ns(source.timeout), LONGEST))
                         for source in settings.obstacles), default=0)
         self._sweeps = {result.name: Sweep(
             one, result, self.contacts, settings.margin, keep, horizon, settings.max_vertices)

@@ -33,7 +33,7 @@ from sat_collision.replay.motion.bodies import (
 from sat_collision.replay.motion.kernels import COUNT, MOVED, mutual_nearest
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import (
-    EACH_MESSAGE, EMPTY_POLYGON, NEVER, ObstacleSettings)
+    EACH_MESSAGE, EMPTY_POLYGON, in_ns, NEVER, ObstacleSettings)
 
 # Bodies known by id or shape are processed together if stamped within this of the first, ns.
 _TOGETHER = 10**8
@@ -81,7 +81,7 @@ class Tracker(ABC):
         # The times in which the motion of some body is not known.
         self.undetermined: list[Interval] = []
         self.name = settings.name
-        self._timeout = round(settings.timeout * 1e9) or NEVER
+        self._timeout = in_ns(settings.timeout)
         self._longest = round(min(self._timeout, LONGEST))
         self._max_vertices = max_vertices
         self._emit = emit

@@ -25,7 +25,7 @@ from sat_collision.replay.motion.bodies import (
 from sat_collision.replay.motion.kernels import COUNT
 from sat_collision.replay.motion.nearness import around
 from sat_collision.scene.frames import NoTransform
-from sat_collision.scene.settings import FootprintSettings, NEVER
+from sat_collision.scene.settings import FootprintSettings, in_ns, NEVER
 
 # The row of a footprint, which is alone in its set.
 _ROW = np.zeros(1, np.int64)
@@ -64,7 +64,7 @@ class Trajectory:
     """
 
     def __init__(self, settings: FootprintSettings) -> None:
-        timeout = round(settings.timeout * 1e9) or NEVER
+        timeout = in_ns(settings.timeout)
         self._never_stale = timeout == NEVER
         # The longest motion that is interpolated.
         self.longest = round(min(timeout, LONGEST))

@@ -154,26 +154,26 @@ def test_unusual_message_in_a_run_is_received_by_itself(
     """All others are received in runs, once there have been three sets of as many."""
     monitor = Monitor(replace(SETTINGS, margin=margin, obstacles=(
         replace(SETTINGS.obstacles[0], set_end=set_end),)))
-    taken = []
-    take_run = monitor.ingest.apply_run
+    applied = []
+    apply_run = monitor.ingest.apply_run
 
-    def take(*arguments):
-        taken.append(take_run(*arguments))
-        return taken[-1]
+    def apply(*arguments):
+        applied.append(apply_run(*arguments))
+        return applied[-1]
 
-    monkeypatch.setattr(monitor.ingest, 'take_run', take)
+    monkeypatch.setattr(monitor.ingest, 'apply_run', apply)
     monitor.receive('robot', serialised(box(0)), NOW)
     number = 1
     for stamp in range(NOW, NOW + 4 * SECOND // 10, SECOND // 10):
         batch = [ordinary(k, stamp) for k in range(20)]
         if stamp == NOW + 3 * SECOND // 10:
             batch[10] = unusual(stamp)
-        del taken[:]
+        del applied[:]
         batch.append(serialised([], stamp))
         for k in range(0, 21, size):
             monitor.receive_batch('lidar', batch[k:k + size], stamp, number + k)
         number += 21
-    assert sum(taken) == 19 and max(taken) == min(size, 10)
+    assert sum(applied) == 19 and max(applied) == min(size, 10)
     assert monitor.scene.state('robot').status.value == status
 
 

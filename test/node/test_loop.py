@@ -211,7 +211,7 @@ def test_node_stays_responsive_while_messages_stream(start, domain):
 
 NAMES = [f'robot{k}' for k in range(12)]
 # Of each that a node looks ahead for: where it is predicted, and the parameters.
-FLAGS = 'sat_collision.scene.scene', {f'{name}__min_time_to_collision': 1.0 for name in NAMES}
+FLAGS = 'sat_collision.scene.evaluator', {f'{name}__min_time_to_collision': 1.0 for name in NAMES}
 FIGURES = 'sat_collision.scene.view', {}
 
 

@@ -431,7 +431,7 @@ def test_messages_received_at_once_give_the_same_as_one_by_one(tmp_path, monkeyp
         'release_delay': rng.choice((0.0, 0.007, 0.04)), f'{SOURCE}.timeout': 0.5,
         f'{SOURCE}.set_end': rng.choice((MARKS, STAMPS))})
     found = check(bag, options)
-    monkeypatch.setattr(Ingest, 'take_run', lambda *_: 0)
+    monkeypatch.setattr(Ingest, 'apply_run', lambda *_: 0)
     expected = check(bag, options)
     assert expected.contacts and expected.footprints[0].clear
     assert found == expected

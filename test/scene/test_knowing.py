@@ -126,11 +126,11 @@ def know_maps_while_another_is_open(patch):
 
 
 def count_old_and_new_maps_together(patch):
-    def take(self, body, *arguments, original=SetGroup.take, **more):
+    def add(self, body, *arguments, original=SetGroup.add, **more):
         if sum(len(group) for group in self._store.groups) < self._store.max_count:
             return original(self, body, *arguments, **more)
         return TOO_MANY
-    patch.setattr(SetGroup, 'take', take)
+    patch.setattr(SetGroup, 'add', add)
 
 
 def never_request_history(patch):
@@ -215,18 +215,18 @@ def take_0_for_an_id(patch):
 
 
 def let_any_stamp_of_an_id_replace(patch):
-    def take(self, instance, *arguments, original=KeyedGroup.take):
+    def add(self, instance, *arguments, original=KeyedGroup.add):
         for one in self._held.get(instance, ()):
             one.stamp = -1
         return original(self, instance, *arguments)
-    patch.setattr(KeyedGroup, 'take', take)
+    patch.setattr(KeyedGroup, 'add', add)
 
 
 def drop_older_stamps_of_an_id(patch):
-    def take(self, instance, body, frame_id, stamp, *more, original=KeyedGroup.take):
+    def add(self, instance, body, frame_id, stamp, *more, original=KeyedGroup.add):
         if all(stamp > one.stamp for one in self._held.get(instance, ())):
             return original(self, instance, body, frame_id, stamp, *more)
-    patch.setattr(KeyedGroup, 'take', take)
+    patch.setattr(KeyedGroup, 'add', add)
 
 
 def keep_what_another_timeout_has_proved(patch):
@@ -242,10 +242,10 @@ def keep_what_another_clock_has_proved(patch):
 
 
 def leave_out_what_waits(patch):
-    def take(self, settings, data, number, now, may_wait=True, original=Ingest.take):
+    def apply(self, settings, data, number, now, may_wait=True, original=Ingest.apply):
         refused = original(self, settings, data, number, now, may_wait)
         return refused if isinstance(refused, Rejection) else None
-    patch.setattr(Ingest, 'take', take)
+    patch.setattr(Ingest, 'apply', apply)
 
 
 def wait_for_what_has_a_place(patch):

@@ -82,9 +82,11 @@ def check(path: str | Path, options: Options = Options(),
         result.content = recording.content
     if options.keyframes and (moments := moments_of(result)):
         with Recording(path, options.limits) as recording:
-            result.keyframes = check_recording(
-                recording, replace(options, write_bag=None), _part_of(progress, 1, passes),
-                moments).keyframes
+            drawn = check_recording(recording, replace(options, write_bag=None),
+                                    _part_of(progress, 1, passes), moments)
+        result.keyframes = drawn.keyframes
+        result.problems += [f'{problem}, when it was read again to be drawn'
+                            for problem in drawn.problems if problem not in result.problems]
     return result
 
 

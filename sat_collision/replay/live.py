@@ -114,9 +114,8 @@ class Timeline:
     def deepen(self, now: int) -> None:
         """Measure the open contacts of bodies that have moved."""
         self._moved |= self._scene.take_moved()
-        for name in [name for name in self.touching if name in self._moved]:
-            contacts = self.touching[name]
-            for obstacle, *bodies in self._scene.contacts(name):
+        for name, contacts in self.touching.items():
+            for obstacle, *bodies in self._scene.contacts(name) if name in self._moved else ():
                 contact = contacts.get(obstacle)
                 if contact is None or self._measured.get((name, obstacle)) == bodies:
                     continue

@@ -44,7 +44,7 @@ class Contacts:
 
     def __init__(self, margin: float = 0.0) -> None:
         self.changed: set[Footprint] = set()  # whose contacts have; emptied by the reader
-        # Footprints in contact that have moved, or what they touch; emptied by the reader, too.
+        # Footprints in contact that have moved, or what they touch; a reader may empty it, too.
         self.moved: set[Footprint] = set()
         self.margin = margin
         self._footprints: _Placed[Footprint] = _Placed()

@@ -28,7 +28,7 @@ Message: TypeAlias = tuple[str, int, bytes]  # topic, time in ns, data
 # Consecutive messages of one topic: the topic, their times in ns, which do not fall, their data.
 Row: TypeAlias = tuple[str, list[int], list[bytes]]
 
-# Max messages in a row.
+# Max messages in a row, all of which are in memory.
 LONGEST_ROW = 128
 
 EMPTY = ('the file is empty: nothing was recorded, or it was not copied whole; record or copy it '

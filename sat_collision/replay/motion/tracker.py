@@ -177,6 +177,7 @@ class SetTracker(Tracker):
             self._described = described
         if not placement.is_empty:
             self._pending.append(placement)
+        # Where a set has an end of its own, that also ends one that is not whole.
         is_whole = placement.listing == placement.last_whole
         if is_whole or self._ending == EACH_MESSAGE or (
                 self._ending == EMPTY_POLYGON and placement.is_empty):

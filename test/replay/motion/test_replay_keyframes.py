@@ -128,6 +128,18 @@ def test_moments_are_dense_around_contacts_and_few_in_all(tmp_path):
 
 
 @pytest.mark.parametrize('as_live', (False, True), ids=('motion', 'live'))
+def test_fault_of_the_drawing_is_said_and_loses_nothing_else(tmp_path, as_live):
+    """The recording is removed before the second pass."""
+    path = write(tmp_path / 'bag', drive())
+    plain = check(path, Options(as_live=as_live))
+    result = check(path, Options(as_live=as_live, keyframes=True), lambda share: (
+        path / 'bag.mcap').unlink(missing_ok=True))
+    assert plain.problems == []
+    assert 'read again to be drawn' in result.problems[0]
+    assert result.contacts == plain.contacts != []
+
+
+@pytest.mark.parametrize('as_live', (False, True), ids=('motion', 'live'))
 def test_keyframes_do_not_change_the_result(tmp_path, as_live):
     """The second pass, which draws, counts no message or fault twice; progress goes on in it."""
     path = write(tmp_path / 'bag', drive())

@@ -12,7 +12,7 @@
 from dataclasses import replace
 import math
 
-from bodies import where
+from bodies import first_contact, where
 from builders import box, command, SECOND
 from monitors import START, World
 import numpy as np
@@ -240,15 +240,12 @@ def test_no_time_by_command_is_late(seed):
         age = (world.now - world.scene._footprints['robot'].time) / SECOND
         if world.status() == 'collision':
             continue
-        own, touched = Polygon(np.reshape(OUTLINE, (4, 2))), math.inf
-        tree = [one.buffer(-2e-3) for one in obstacles]
-        for step in np.arange(0.0, 3.0 + age, 0.02):
-            placed = affinity.rotate(where(own, (vx, vy, omega), step), yaw, (0, 0),
-                                     use_radians=True)
-            placed = affinity.translate(placed, x, y)
-            if any(placed.intersects(one) for one in tree):
-                touched = step
-                break
+        # In the frame of the robot.
+        ahead = [affinity.rotate(affinity.translate(one.buffer(-2e-3), -x, -y), -yaw, (0, 0),
+                                 use_radians=True) for one in obstacles]
+        steps = np.arange(0.0, 3.0 + age, 0.02)
+        own = where(Polygon(np.reshape(OUTLINE, (4, 2))), (vx, vy, omega), steps)
+        touched = first_contact(steps, own, ahead)
         seconds = world.prediction.seconds
         if touched - age < 3.0:
             assert seconds <= max(touched - age, 0.0), 'late'

@@ -70,11 +70,12 @@ class Playback:
 
         An obstacle that is queued behind one that waits counts beside the last one of its id.
         """
-        scene = self.monitor.scene
-        for name, polygon in scene.footprints:
+        obstacles = [*self.monitor.scene.obstacles]
+        for name, polygon in self.monitor.scene.footprints:
+            meet = obstacles and oracle.intersects_pairs(
+                [(polygon.vertices, other.vertices) for _, other in obstacles])[0]
             assert self.contacts(name) == {
-                obstacle.key for obstacle, other in scene.obstacles
-                if oracle.intersects(polygon.vertices, other.vertices)}
+                obstacle.key for (obstacle, _), meets in zip(obstacles, meet) if meets}
 
 
 def near(vertices, truth):

@@ -12,14 +12,14 @@
 from dataclasses import replace
 import math
 
-from bodies import where
+from bodies import first_contact, where
 from builders import box, SECOND, serialised
 from monitors import START, World
 import numpy as np
 import pytest
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
-from shapely import affinity
+import shapely
 from shapely.geometry import Polygon
 
 MAP = ObstacleSettings('map', '/map', type='polygon_instance', timeout=0.0,
@@ -325,20 +325,20 @@ def test_no_time_is_late_among_many_moving_obstacles(seed):
     if world.status() == 'collision':
         return
     assert world.prediction.is_known
-    touched = math.inf
-    for step in np.arange(0.0, 3.0, 0.01):
-        # The motion is fitted to positions rounded to float32.
-        placed = affinity.translate(where(own, twist, 0.625 + step), *offset)
-        zone = placed.buffer(margin - 0.2 if where_from else margin - TOLERANCE)
-        if any(zone.intersects(Polygon(body + velocity * (0.625 + step)))
-               for body, velocity in bodies):
-            touched = step
-            break
+    # The motion is fitted to positions rounded to float32.
+    zone = own.buffer(margin - 0.2 if where_from else margin - TOLERANCE)
+    steps = np.arange(0.0, 3.0, 0.01)
+
+    def placed(seconds):
+        """Return the obstacles after the last footprint, relative to where all are."""
+        return np.stack([where(Polygon(body - offset), (*velocity, 0.0), 0.625 + seconds)
+                         for body, velocity in bodies], axis=-1)
+
+    touched = first_contact(steps, where(zone, twist, 0.625 + steps), placed(steps))
     assert world.seconds <= touched
     if world.seconds < math.inf:
-        placed = affinity.translate(where(own, twist, 0.625 + world.seconds), *offset)
-        near = min(placed.distance(Polygon(body + velocity * (0.625 + world.seconds)))
-                   for body, velocity in bodies)
+        there = where(own, twist, 0.625 + world.seconds)
+        near = shapely.distance(there, placed(world.seconds)).min()
         assert near <= margin + (0.3 if where_from else TOLERANCE)
 
 
@@ -357,9 +357,9 @@ def test_no_time_is_late_and_none_is_given_while_unknown(seed):
     count, found, last = 60, 0, []
 
     def places(time):
-        """Return the obstacles at a time."""
-        return [affinity.translate(one, *(time * velocity))
-                for one, velocity in zip(obstacles, velocities)]
+        """Return the obstacles at a time or times."""
+        return np.stack([where(one, (*velocity, 0.0), time)
+                         for one, velocity in zip(obstacles, velocities)], axis=-1)
 
     for _ in range(count):
         event = rng.choice(events)
@@ -392,9 +392,9 @@ def test_no_time_is_late_and_none_is_given_while_unknown(seed):
         if not (is_known and world.prediction.is_known):
             continue
         sent = Polygon(points)
-        inside = sent.buffer(-TOLERANCE)
-        touched = next((seconds for seconds in np.arange(0.0, 3.0 + age, 0.02) if any(map(
-            where(inside, twist, seconds).intersects, places(time + seconds)))), math.inf)
+        steps = np.arange(0.0, 3.0 + age, 0.02)
+        touched = first_contact(
+            steps, where(sent.buffer(-TOLERANCE), twist, steps), places(time + steps))
         seconds = world.seconds
         if touched - age <= 3.0:
             assert seconds <= max(touched - age, 0.0), 'late'
@@ -402,7 +402,7 @@ def test_no_time_is_late_and_none_is_given_while_unknown(seed):
             found += 1
             there = where(sent, twist, world.prediction.duration)
             at_contact = places(time + world.prediction.duration)
-            assert min(map(there.distance, at_contact)) < TOLERANCE, 'early'
+            assert shapely.distance(there, at_contact).min() < TOLERANCE, 'early'
     assert found or seed
 
 

@@ -10,6 +10,7 @@
 """Separation and closest points against rational arithmetic and `intersects`."""
 
 from fractions import Fraction
+import functools
 import math
 
 import families
@@ -242,21 +243,26 @@ def brought_near(p, q):
     return apart, near
 
 
+@functools.cache
+def pairs_of_combs(offset):
+    """Return combs as they come, and where they just do not touch, and just do."""
+    rng = np.random.default_rng(11)
+    pairs = [[comb(rng, 9).vertices + offset for _ in range(2)] for _ in range(12)]
+    return [(p, other) for p, q in pairs for other in (q, *brought_near(p, q))]
+
+
 @pytest.mark.parametrize('offset', [0.0, 1e7])
 @pytest.mark.parametrize('exponent', [-1072, -1060, -500, 0, 1000])
 def test_separation_of_combs_at_every_scale(exponent, offset):
     """Products underflow, or rounding hides the gap: signs are exact, values near."""
-    rng = np.random.default_rng(11)
     signs = set()
-    for _ in range(12):
-        p, q = (comb(rng, 9).vertices + offset for _ in range(2))
-        for other in (q, *brought_near(p, q)):
-            a, b = (Polygon(np.ldexp(body, exponent)) for body in (p, other))
-            value = separation(a, b)
-            pairs = [separation(one, other) for one in a.parts for other in b.parts]
-            assert value == min(pairs)
-            assert (value > 0.0) is not intersects(a, b)
-            signs.add(value > 0.0)
+    for pair in pairs_of_combs(offset):
+        a, b = (Polygon(np.ldexp(body, exponent)) for body in pair)
+        value = separation(a, b)
+        pairs = [separation(one, other) for one in a.parts for other in b.parts]
+        assert value == min(pairs)
+        assert (value > 0.0) is not intersects(a, b)
+        signs.add(value > 0.0)
     assert signs == {True, False}
 
 

@@ -9,6 +9,8 @@
 
 """Random bodies of every kind, and bodies as shapely's geometries, which may move."""
 
+import math
+
 import numpy as np
 import pytest
 from sat_collision import Polygon
@@ -39,9 +41,18 @@ def as_shapely(polygon):
 
 
 def where(outline, twist, seconds):
-    """Return an outline after some time, moving straight or around a fixed centre."""
+    """Return an outline after some time or times, moving straight or around a fixed centre."""
     vx, vy, omega = twist
-    if not omega:
-        return shapely.affinity.translate(outline, vx * seconds, vy * seconds)
-    return shapely.affinity.rotate(outline, omega * seconds, (-vy / omega, vx / omega),
-                                   use_radians=True)
+    seconds, points = np.asarray(seconds)[..., None], shapely.get_coordinates(outline) @ (1, 1j)
+    if omega:
+        centre = complex(-vy, vx) / omega
+        points = centre + np.exp(1j * omega * seconds) * (points - centre)
+    else:
+        points = points + complex(vx, vy) * seconds
+    return shapely.polygons(np.stack([points.real, points.imag], axis=-1))
+
+
+def first_contact(seconds, outlines, obstacles):
+    """Return the first of some times at which an outline meets any obstacle, inf if none does."""
+    meets = shapely.intersects(outlines[:, None], obstacles).any(axis=1)
+    return seconds[meets.argmax()] if meets.any() else math.inf

@@ -38,11 +38,8 @@ class TestFault:
 @pytest.mark.parametrize('name', [
     pytest.param(name, marks=() if situation.is_short else pytest.mark.long)
     for name, situation in SITUATIONS.items()])
-def test_situation(domain, name, monkeypatch):
+def test_situation(domain, name):
     """No flag lets the robot drive in contact, and the flag falls in time afterwards."""
-    if 'busy' not in name:
-        # Each monitor starts in a third of the time; `make faults` has them compiled.
-        monkeypatch.setenv('NUMBA_DISABLE_JIT', '1')
     outcome = judge(SITUATIONS[name], domain)
     # A flag takes some ms to arrive, and longer on a busy machine.
     assert outcome.drivable < 0.2

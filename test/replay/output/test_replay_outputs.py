@@ -225,6 +225,12 @@ def of_published(name, marks=()):
                         marks=marks)
 
 
+@functools.cache
+def drawn(made):
+    """Return the picture of a result."""
+    return draw_picture(made())
+
+
 RESULTS = [of_warehouse, of_crowd, of_nothing, of_long, of_published('tysik_front_scan_polygons'),
            of_published('autoware_ego_trajectory_boxes', pytest.mark.long),
            of_published('commonroad_BEL_Zaventem-1_2_T-1', pytest.mark.long)]
@@ -246,7 +252,7 @@ def texts(figure):
 
 @pytest.mark.parametrize('made', RESULTS)
 def test_texts_of_a_picture_do_not_overlap(made):
-    figure = draw_picture(made())
+    figure = drawn(made)
     found = texts(figure)
     assert len(found) > 5
     for text, bounds in found:
@@ -280,8 +286,7 @@ def test_dollars_in_a_name_are_no_formula(tmp_path):
 
 def test_texts_of_a_picture():
     """The recording's name, and obstacles beside their bars and bodies."""
-    result = of_warehouse()
-    written = [text for text, _ in texts(draw_picture(result))]
+    written = [text for text, _ in texts(drawn(of_warehouse))]
     assert 'warehouse: collision' in written
     assert '9.698 s: amr and people/0, 0.394 m deep' in written
     # In its row, and in the scene of its contact.
@@ -310,9 +315,8 @@ def test_overlapping_bars_have_their_own_rows(tmp_path):
 
 def test_short_contact_is_visible_on_a_long_axis():
     """At least two pixels wide."""
-    result = of_long()
-    assert len(result.contacts) == 1
-    curves, rows, _ = draw_picture(result).axes
+    assert len(of_long().contacts) == 1
+    curves, rows, _ = drawn(of_long).axes
     for axes in (curves, rows):
         bar, = (patch for patch in axes.patches if to_hex(patch.get_facecolor()) == RED)
         assert bar.get_window_extent().width >= 2.0

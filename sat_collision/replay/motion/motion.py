@@ -283,9 +283,10 @@ class RecordedMotion:
     def _add_undetermined(self, name: str, intervals: dict[str, list[Interval]], start: int,
                           end: int) -> None:
         """Record when motion was not known, by whose it was; but for what has an empty name."""
-        events = sorted(
-            (min(max(time, start), end), is_begin, of) for of, times in intervals.items()
-            for interval in joined(times) for time, is_begin in zip(interval, (True, False)))
+        within = ((max(first, start), min(last, end), of) for of, times in intervals.items()
+                  for first, last in joined(times))
+        events = sorted(event for first, last, of in within if first < last
+                        for event in ((first, True, of), (last, False, of)))
         active: set[str] = set()
         for time, changes in groupby(events, itemgetter(0)):
             for _, is_begin, of in changes:

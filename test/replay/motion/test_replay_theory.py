@@ -15,7 +15,10 @@ touches one where they are at most 1 m apart along the line. Lanes are far from 
 each obstacle has a number of vertices of its own: links are known without a look at distances.
 Places are in eighths of a metre, so that those of messages are integers.
 
-Most recordings are short: what goes wrong shows in few messages, and so more can be tried.
+Most recordings are short: what goes wrong shows in few messages, and so more can be tried. By the
+last digit in base 8 of the number of a recording messages are refused and lost (odd), received
+in another order than that of their stamps (2 and 6), or the stamps are the clock, which in the end
+is set back (3 and 4).
 """
 
 from collections import Counter
@@ -31,7 +34,7 @@ from recordings import (
 from sat_collision.replay.model.result import Options
 from storages import channel, mcap_of, MESSAGE, record, schema
 
-FORMS = MARKS, STAMPS, 'collection', 'ids', None
+FORMS = MARKS, STAMPS, 'collection', 'ids', None, 'map'
 FOOTPRINTS = 'footprint', 'second'
 # In place of the number of a body, of a polygon that is refused.
 REFUSED = -1
@@ -63,8 +66,13 @@ def held(begin, x, until):
 class Recorded:
     """A random recording, and what docs/motion.md says of it."""
 
-    def __init__(self, seed, form, still=False, most=None, faults=False):
+    def __init__(self, seed, form, still=False, most=None, faults=False, is_late=False,
+                 is_set_back=False):
         self.form = form
+        # Whether messages are received late, by times of their own.
+        self.is_late = is_late
+        # Whether it ends with messages after the clock was set back, by more than 10 s.
+        self.is_set_back = is_set_back
         self.source = 'tracks' if form == 'ids' else 'obstacles'
         rng = self._rng = np.random.default_rng(seed)
         self.still = still
@@ -108,7 +116,7 @@ class Recorded:
         elif form is None:
             self._unmarked(times, places)
         else:
-            self._in_sets(times, places)
+            (self._in_maps if form == 'map' else self._in_sets)(times, places)
 
     def _times(self, period):
         """Return times around a period, with a gap now and then."""
@@ -148,7 +156,28 @@ class Recorded:
                 # The first of one stamp to the first of the next, and the second to the second.
                 pieces += [Piece(time, x, after, next_x) for x, next_x in zip(xs, next_xs)]
                 pieces += [held(time, x, after) for x in xs[len(next_xs):]]
+        self._disturb()
         self._add_gaps()
+
+    def _disturb(self):
+        """Let polygons be refused and messages be lost, which changes no motion."""
+        rng = self._rng
+        self.messages += [(self.source, int(rng.integers(self.end)), REFUSED, rng.integers(2))
+                          for _ in range(rng.poisson(20 * self._rate))]
+        if rng.random() < 4 * self._rate:
+            self._lose([])
+
+    def _in_maps(self, times, places):
+        """Send sets with marks that never time out; only a whole one replaces those before."""
+        sets = [[('obstacles', time + 1000 * k, k, by_number[n // 4])
+                 for k, by_number in enumerate(places) if self._rng.random() < 0.8]
+                for n, time in enumerate(times)]
+        ends = [max([time, *(stamp for _, stamp, *_ in one)]) for time, one in zip(times, sets)]
+        broken = self._send(sets, times, ends)
+        for n, one in enumerate(sets):
+            end = next((ends[m] for m in range(n + 1, len(sets)) if m not in broken), self.end)
+            for _, stamp, k, x in one:
+                self.pieces[k].append(held(stamp, x, end))
 
     def _unmarked(self, times, places):
         for n, time in enumerate(times):
@@ -161,9 +190,11 @@ class Recorded:
         for pieces in self.pieces:
             for piece in pieces:
                 piece.end = self._gone(piece.begin)
+        self._disturb()
 
     def _stamps(self):
-        return sorted(stamp for topic, stamp, *_ in self.messages if topic not in FOOTPRINTS)
+        return sorted(stamp for topic, stamp, k, _ in self.messages
+                      if topic == self.source and k != REFUSED)
 
     def _gone(self, time):
         """Return when an obstacle seen at a time is gone: when messages show it, or none comes."""
@@ -190,7 +221,9 @@ class Recorded:
                   for time, one in zip(times, sets)]
         ends = [max([time, *(stamp for stamp, _ in one.values())])
                 for time, one in zip(times, sets)]
-        self._send(sets, begins, ends)
+        self._note_broken(begins, ends, self._send(
+            [[('obstacles', stamp, k, x) for k, (stamp, x) in one.items()] for one in sets],
+            begins, ends))
         for n, one in enumerate(sets):
             is_last = n + 1 == len(sets)
             after = {} if is_last else sets[n + 1]
@@ -211,35 +244,39 @@ class Recorded:
                 self.undetermined.append((begins[n], ends[n + 1]))
 
     def _send(self, sets, begins, ends):
-        """Send sets, of some of which something is refused or lost."""
+        """Send sets, and return of which of them something is refused or lost."""
         rng = self._rng
         broken = {n for n in range(len(sets)) if rng.random() < self._rate}
         sent = []
         for n, one in enumerate(sets):
-            found = [('obstacles', stamp, k, x) for k, (stamp, x) in one.items()]
+            found = [*one]
             found[:0] = [('obstacles', begins[n], REFUSED, None)] * (n in broken)
             if self.form == 'collection':
                 found = [('obstacles', begins[n], None, found)]
-            elif self.form == MARKS:
+            elif self.form != STAMPS:
                 found.append(('obstacles', ends[n], None, None))
             sent.append(found)
         self.messages += sum(sent, [])
         if self.form != 'collection' and rng.random() < 4 * self._rate:
             broken |= self._lose(sent)
+        return broken
+
+    def _note_broken(self, begins, ends, broken):
+        """Note what is not known where sets are not whole."""
         n = 0
-        while n < len(sets):
+        while n < len(begins):
             before = n
             while n in broken:
                 n += 1
             if n > before:
                 # Nothing shows in time of a set that only another one ends.
                 is_open = self.form == STAMPS and n == before + 1 and (
-                    n == len(sets) or begins[n] - ends[before] > TIMEOUT)
+                    n == len(begins) or begins[n] - ends[before] > TIMEOUT)
                 begin = begins[before - 1] if before else -math.inf
                 if is_open:
                     self.unclear.append((begin, begins[before]))
                     begin = begins[before]
-                self.broken.append((begin, ends[n] if n < len(sets) else self.end))
+                self.broken.append((begin, ends[n] if n < len(ends) else self.end))
             n += 1
         self.undetermined += self.broken
 
@@ -263,8 +300,19 @@ class Recorded:
 
     def messages_of_bag(self, delays=(0, 0)):
         """Return (topic, when it is received, bytes) of all; topics have delays, in ns."""
-        messages = [(time + delays[topic not in FOOTPRINTS], place, topic, time, k, x)
-                    for place, (topic, time, k, x) in enumerate(self.messages)]
+        rng, late, messages = np.random.default_rng(len(self.messages)), {}, []
+        last, after = 0, 2 * self.end
+        for place, (topic, time, k, x) in enumerate(self.messages):
+            received = time + delays[topic not in FOOTPRINTS]
+            if self.is_late:
+                # Those of one stamp stay in order, and all where marks end sets.
+                received += late.setdefault((topic, time), int(rng.integers(SECOND // 3)))
+                if self.form in (MARKS, 'map') and topic == self.source:
+                    last = received = max(last, received)
+            messages.append((received, place, topic, time, k, x))
+        if self.is_set_back:
+            messages += [(after, place, topic, time - 20 * SECOND, k, x)
+                         for _, place, topic, time, k, x in messages if topic in FOOTPRINTS]
         return [(topic, received, self._bytes_of(topic, time, k, x))
                 for received, _, topic, time, k, x in sorted(messages)]
 
@@ -272,13 +320,14 @@ class Recorded:
         """Return the bytes of a message: a polygon, a mark, or a collection."""
         stamp = START + time
         if topic == LOST_TOPIC[1:]:
-            return losses(0, obstacles=(x, 0))[2]
+            return losses(0, **{self.source: (x, 0)})[2]
         if topic in FOOTPRINTS:
             return serialised(outline(x, k, 0, 2001), stamp)
         if self.form == 'collection':
             return collection([outline(x, k, 1000 * k, 1) for *_, k, x in x], stamp)
+        number = x if k == REFUSED else k
         return serialised([] if k is None else outline(x, k, 1000 * k, 1), stamp,
-                          instance=k + 1 if topic == 'tracks' else None)
+                          instance=int(number) + 1 if topic == 'tracks' else None)
 
     def written(self, path, delays=(0, 0)):
         """Write it as an MCAP file."""
@@ -301,7 +350,9 @@ class Recorded:
         parameters = {'footprints': [*self.samples], 'obstacles': [name],
                       f'{name}.topic': f'/{self.source}', f'{name}.timeout': 0.5,
                       **{f'{one}.timeout': 0.5 for one in self.samples}, 'future_tolerance': 0.1}
-        if self.form in (MARKS, STAMPS):
+        if self.form == 'map':
+            parameters |= {f'{name}.timeout': 0.0, f'{name}.set_end': MARKS}
+        elif self.form in (MARKS, STAMPS):
             parameters[f'{name}.set_end'] = self.form
         return check(self.written(path, delays), Options(parameters=parameters, **options),
                      set_end=None)
@@ -334,16 +385,18 @@ def times_of(intervals):
 
 def compare(seed, form, path):
     """Compare a recording with the oracle; return for how many moments each state was seen."""
-    recorded = Recorded(seed, form, faults=seed % 2 == 1)
+    by_header = seed % 8 in (3, 4) and form != 'map'
+    recorded = Recorded(seed, form, faults=seed % 2 == 1, is_late=seed % 8 in (2, 6),
+                        is_set_back=by_header)
     if min(map(len, recorded.samples.values())) < 2 or recorded.source not in {
             topic for topic, *_ in recorded.messages}:
         return np.zeros(3, int)
-    result = recorded.result(path)
+    result = recorded.result(path, clock='header' if by_header else 'receive')
     refused = Counter(topic for topic, _, k, polygons in recorded.messages
                       for k in ([k] if form != 'collection' or k is not None else (
                           [k for *_, k, _ in polygons or ()])) if k == REFUSED)
-    assert result.problems == [] and Counter({one.topic[1:]: sum(one.rejected.values())
-                                              for one in result.sources}) == refused
+    assert ['go back' in one for one in result.problems] == [True] * by_header
+    assert Counter({one.topic[1:]: sum(one.rejected.values()) for one in result.sources}) == refused
     return sum(compared(recorded, result, footprint, np.random.default_rng(seed))
                for footprint in result.footprints)
 

@@ -170,9 +170,9 @@ class SetTracker(Tracker):
             # Long after it nothing shows that it was whole.
             is_late = placement.stamp > self._start + self._longest
             self._close(placement.last_whole >= self._listing, placement.stamp if is_late else 0)
-            if self._seen is not None and placement.stamp > self._seen.end + self._timeout:
-                # None of the last set is in this one, which may end much later.
-                self.rest(placement.stamp)
+            if placement.stamp > self._last_stamp + self._longest:
+                # None of the last set is linked to this one, which may end much later.
+                self._rest(placement.stamp)
             self._listing, self._start = placement.listing, placement.stamp
             self._described = described
         if not placement.is_empty:
@@ -191,10 +191,14 @@ class SetTracker(Tracker):
     def rest(self, now: int, is_over: bool = False) -> None:
         if self._listing and (is_over or now > self._start + self._longest):
             self._close(held=now)
-        last, seen = self._last, self._seen
         # Whether bodies are received again is only known when the next set has ended.
-        if self._listing or last is None or seen is None or not self._alive or not (
-                is_over or now > self._last_stamp + self._longest):
+        if not self._listing and (is_over or now > self._last_stamp + self._longest):
+            self._rest(now)
+
+    def _rest(self, now: int) -> None:
+        """Let the bodies of the last set stand until a time, or their timeout."""
+        last, seen = self._last, self._seen
+        if last is None or seen is None or not self._alive:
             return
         left = {row for row in self._alive if seen.stamps[row] + self._timeout > now}
         self._hold(last, seen, self._alive, now, left)
@@ -222,23 +226,21 @@ class SetTracker(Tracker):
             if not is_in_batch:
                 motions = self._follow(last, seen)
             found = seen.followed if is_in_batch else sum(map(len, motions))
-            lost: set[int] = set()
             if found < len(last):
                 if is_in_batch:
                     motions = motion_in_batch(last, seen)
                 lost = {*self._alive}.difference(*(motion.rows.tolist() for motion in motions))
                 self._hold(last, last_seen, sorted(lost), max(end - 1, held))
             gap = stamp - (last_seen.end or self._since)
-            # Bodies that are new may be those that are lost; what rested may have moved before.
-            if not (is_whole and self._is_whole) or lost and found < len(seen) or (
-                    gap > self._timeout or gap > self._longest
-                    and any(motion.moved.any() for motion in motions)):
+            # Bodies that are new may be those that are lost.
+            if not (is_whole and self._is_whole) or gap > self._timeout or (
+                    found < min(len(last), len(seen))):
                 self._miss(self._since, end)
         self._emit(self, Step(motions, seen, None, end, last if is_in_batch else None))
         # Before the first one nothing is known.
         self._is_whole = is_whole or last is None
         self._last, self._seen = seen, seen
-        self._since = self._last_stamp = stamp
+        self._since, self._last_stamp = stamp, end
         self._alive = range(len(seen))
 
     def _hold(self, last: Bodies, seen: Bodies, rows: Sequence[int], until: int,
@@ -279,7 +281,15 @@ class SetTracker(Tracker):
         rows, next_rows = np.empty((2, len(last)), np.int64)
         found = mutual_nearest(last.rings, last.boxes, seen.rings, seen.boxes, self._longest,
                                rows, next_rows)
-        return [motion_between(last, seen, rows[:found], next_rows[:found])] if found else []
+        if not found:
+            return []
+        motion = motion_between(last, seen, rows[:found], next_rows[:found])
+        if last is self._seen or not motion.moved.any():
+            return [motion]
+        # Of bodies that have stood for long, those are linked that are where they were.
+        still = motion.moved == 0.0
+        return [motion_between(last, seen, motion.rows[still], motion.next_rows[still])
+                ] if still.any() else []
 
 
 def _shape_of(placement: Placement) -> tuple[bytes, object, str]:

@@ -36,9 +36,11 @@ from storages import channel, mcap_of, MESSAGE, record, schema
 
 FORMS = MARKS, STAMPS, 'collection', 'ids', None, 'map'
 FOOTPRINTS = 'footprint', 'second'
+# Two messages further apart are not linked, in ns.
+LONGEST = 10 * SECOND
 # In place of the number of a body, of a polygon that is refused.
 REFUSED = -1
-TIMEOUT, TOLERANCE = SECOND // 2, SECOND // 10
+TOLERANCE = SECOND // 10
 METRE = 8
 # The rounding of times to ns and the tolerance of the sweep, at speeds of up to 80 m/s.
 NEAR = METRE * Fraction(1, 10**5)
@@ -67,7 +69,7 @@ class Recorded:
     """A random recording, and what docs/motion.md says of it."""
 
     def __init__(self, seed, form, still=False, most=None, faults=False, is_late=False,
-                 is_set_back=False):
+                 is_set_back=False, is_slow=False):
         self.form = form
         # Whether messages are received late, by times of their own.
         self.is_late = is_late
@@ -76,6 +78,13 @@ class Recorded:
         self.source = 'tracks' if form == 'ids' else 'obstacles'
         rng = self._rng = np.random.default_rng(seed)
         self.still = still
+        # All takes so many times as long.
+        self.scale = 40 if is_slow else 1
+        # The timeout of the source and of footprints, in ns.
+        self.timeout = self.own_timeout = self.scale * SECOND // 2
+        if is_late and seed % 3:
+            self.own_timeout = SECOND // 5
+        self.longest = min(self.timeout, LONGEST)
         # From a tenth to three times the timeout.
         footprints = FOOTPRINTS[:rng.integers(1, 3)]
         own = [self._times(rng.choice([0.05, 0.1, 0.4])) for _ in footprints]
@@ -84,8 +93,8 @@ class Recorded:
         # Counted from when bodies with ids can be known.
         most = most or rng.choice([4, 8, 16, 64], p=[0.4, 0.3, 0.25, 0.05])
         sent = sorted(time for time in sum(own, others * self.count)
-                      if time > others[0] + TIMEOUT + TOLERANCE)
-        self.end = min(sent[most], 5 * SECOND)
+                      if time > others[0] + self.timeout + TOLERANCE)
+        self.end = min(sent[most], 5 * SECOND * self.scale)
         *own, times = ([time for time in found if time < self.end] for found in (*own, others))
         # Where two have one stamp, the way leads to the first, and goes on from the last.
         self.samples = {name: self._samples(self._some_twice(found), 0)
@@ -104,7 +113,7 @@ class Recorded:
             refused = [int(rng.integers(self.end)) for _ in found if rng.random() < self._rate]
             self.own[name] = [
                 Piece(time, x, after, next_x) for (time, x), (after, next_x)
-                in zip(found, found[1:]) if 0 < after - time <= TIMEOUT
+                in zip(found, found[1:]) if 0 < after - time <= min(self.own_timeout, LONGEST)
                 and not any(time < at < after for at in refused)]
             self.messages += [(name, time, 0, x) for time, x in found]
             self.messages += [(name, time, REFUSED, None) for time in refused]
@@ -120,9 +129,9 @@ class Recorded:
 
     def _times(self, period):
         """Return times around a period, with a gap now and then."""
-        rng, step = self._rng, int(period * SECOND)
+        rng, step = self._rng, int(period * SECOND) * self.scale
         gaps = rng.integers(step // 2, 3 * step // 2, 100)
-        gaps += (rng.random(100) < 0.04) * rng.integers(0, SECOND, 100)
+        gaps += (rng.random(100) < 0.04) * rng.integers(0, SECOND * self.scale, 100)
         return (np.cumsum(gaps) - rng.integers(gaps[0])).tolist()
 
     def _some_twice(self, times):
@@ -150,8 +159,10 @@ class Recorded:
             self.messages += [('tracks', time, k, x) for time, xs in sent[k] for x in xs]
         for pieces, seen in zip(self.pieces, sent):
             for (time, xs), (after, next_xs) in zip(seen, [*seen[1:], (10**18, ())]):
-                if after - time > TIMEOUT:
-                    pieces += [held(time, x, self._gone(time)) for x in xs]
+                if after - time > self.longest:
+                    pieces += [held(time, x, min(self._gone(time), after)) for x in xs]
+                    if after < self._gone(time) and xs != next_xs:
+                        self.undetermined.append((time, after))
                     continue
                 # The first of one stamp to the first of the next, and the second to the second.
                 pieces += [Piece(time, x, after, next_x) for x, next_x in zip(xs, next_xs)]
@@ -200,18 +211,21 @@ class Recorded:
         """Return when an obstacle seen at a time is gone: when messages show it, or none comes."""
         later = [stamp for stamp in self._stamps() if stamp >= time]
         for one, other in zip(later, [*later[1:], 10**18]):
-            if other > time + TIMEOUT:
-                return min(other, one + TIMEOUT)
+            if other > time + self.timeout:
+                return min(other, one + self.timeout)
 
     def _add_gaps(self):
         stamps = self._stamps()
         self.undetermined += [(one, other) for one, other in zip(stamps, stamps[1:])
-                              if other - one > TIMEOUT]
+                              if other - one > self.timeout]
 
     def _in_sets(self, times, places):
-        # With marks each polygon has a stamp of its own.
-        apart = 1000 if self.form == MARKS else 0
-        sets = [{k: (time + apart * k, by_number[n]) for k, by_number in enumerate(places)
+        # With marks each polygon has a stamp of its own, sometimes in another order.
+        apart = 0 if self.form != MARKS else self.apart if self.is_late else 1000
+        order = range(self.count)
+        if self.is_late:
+            order = self._rng.permutation(self.count).tolist()
+        sets = [{k: (time + apart * order[k], by_number[n]) for k, by_number in enumerate(places)
                  if self._rng.random() < 0.8} for n, time in enumerate(times)]
         if self.form == STAMPS:
             # An empty set cannot be seen where nothing marks it.
@@ -224,23 +238,27 @@ class Recorded:
         self._note_broken(begins, ends, self._send(
             [[('obstacles', stamp, k, x) for k, (stamp, x) in one.items()] for one in sets],
             begins, ends))
+        # A set counts at its latest stamp.
+        order = sorted(range(len(sets)), key=ends.__getitem__)
+        begins, ends, sets = ([found[n] for n in order] for found in (begins, ends, sets))
         for n, one in enumerate(sets):
             is_last = n + 1 == len(sets)
             after = {} if is_last else sets[n + 1]
             # Where only another one ends a set, nothing shows in time that the next one is whole
             # if it is the last, or a gap follows.
             is_replaced = not is_last and (self.form != STAMPS or n + 2 < len(sets) and (
-                times[n + 2] - times[n + 1] <= TIMEOUT))
+                times[n + 2] - times[n + 1] <= self.longest))
             end = ends[n + 1] - 1 if is_replaced else self.end
             lost = []
             for k, (stamp, x) in one.items():
-                if k in after and after[k][0] - stamp <= TIMEOUT:
+                if k in after and 0 < after[k][0] - stamp <= (
+                        self.timeout if after[k][1] == x else self.longest):
                     self.pieces[k].append(Piece(stamp, x, *after[k]))
                 else:
                     lost.append(k)
-                    self.pieces[k].append(held(stamp, x, min(end, stamp + TIMEOUT)))
+                    self.pieces[k].append(held(stamp, x, min(end, stamp + self.timeout)))
             if not is_last and (lost and len(after) > len(one) - len(lost)
-                                or begins[n + 1] - ends[n] > TIMEOUT):
+                                or begins[n + 1] - ends[n] > self.timeout):
                 self.undetermined.append((begins[n], ends[n + 1]))
 
     def _send(self, sets, begins, ends):
@@ -271,7 +289,7 @@ class Recorded:
             if n > before:
                 # Nothing shows in time of a set that only another one ends.
                 is_open = self.form == STAMPS and n == before + 1 and (
-                    n == len(begins) or begins[n] - ends[before] > TIMEOUT)
+                    n == len(begins) or begins[n] - ends[before] > self.longest)
                 begin = begins[before - 1] if before else -math.inf
                 if is_open:
                     self.unclear.append((begin, begins[before]))
@@ -348,8 +366,9 @@ class Recorded:
         """Return what is found in it, with some options."""
         name = 'tracks' if self.form == 'ids' else SOURCE
         parameters = {'footprints': [*self.samples], 'obstacles': [name],
-                      f'{name}.topic': f'/{self.source}', f'{name}.timeout': 0.5,
-                      **{f'{one}.timeout': 0.5 for one in self.samples}, 'future_tolerance': 0.1}
+                      f'{name}.topic': f'/{self.source}', f'{name}.timeout': self.timeout / SECOND,
+                      **{f'{one}.timeout': self.own_timeout / SECOND for one in self.samples},
+                      'future_tolerance': 0.1}
         if self.form == 'map':
             parameters |= {f'{name}.timeout': 0.0, f'{name}.set_end': MARKS}
         elif self.form in (MARKS, STAMPS):
@@ -387,7 +406,7 @@ def compare(seed, form, path):
     """Compare a recording with the oracle; return for how many moments each state was seen."""
     by_header = seed % 8 in (3, 4) and form != 'map'
     recorded = Recorded(seed, form, faults=seed % 2 == 1, is_late=seed % 8 in (2, 6),
-                        is_set_back=by_header)
+                        is_set_back=by_header, is_slow=seed % 8 in (0, 5))
     if min(map(len, recorded.samples.values())) < 2 or recorded.source not in {
             topic for topic, *_ in recorded.messages}:
         return np.zeros(3, int)

@@ -200,6 +200,7 @@ class Ingest:
                     if isinstance(settings, ObstacleSettings) and not settings.timeout:
                         self.untransformed[name] = frame_id
                     scene.refuse(name, found.lasting, now, stamp, instance, number)
+                    self._note_alive(name, now, stamp, instance)
                     return self.reject(settings, found.reason, found.detail)
                 affine, at = found
                 origin, frame_id = (frame_id, at), self._fixed
@@ -240,6 +241,7 @@ class Ingest:
             if name in self.headers and points[2] and points[0] is data:
                 self.headers[name] = (data[STAMP_SIZE:points[1] - COUNT_SIZE], points[1], sent_in)
             return None
+        self._note_alive(name, now, stamp, instance)
         return self.reject(settings, refusal, detail_of(
             refusal, frame_id, scene.frame_id, (now - stamp) / 1e9, settings.timeout))
 
@@ -389,7 +391,14 @@ class Ingest:
                number: int | None = None) -> Rejection:
         """Refuse a message that gives no valid polygon."""
         self._scene.refuse(settings.name, reason, now, stamp, instance, number)
+        self._note_alive(settings.name, now, stamp, instance)
         return self.reject(settings, reason, detail)
+
+    def _note_alive(self, name: str, now: int, stamp: int | None, instance: int | None) -> None:
+        """For recorded motion: a refused message with an id shows that its publisher is alive."""
+        if self._placements is not None and instance and stamp is not None and stamp <= now:
+            self._placements.append(Placement(
+                name, stamp or now, self._fixed, _NO_POINTS, None, None))
 
     def reject(self, settings: (FootprintSettings | ObstacleSettings | CommandSettings
                                 | PathSettings), reason: str, detail: str) -> Rejection:

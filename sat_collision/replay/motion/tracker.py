@@ -168,11 +168,12 @@ class SetTracker(Tracker):
     def place(self, placement: Placement, described: Described | None = None) -> None:
         if placement.listing != self._listing:
             # Long after it nothing shows that it was whole.
-            is_late = placement.stamp > self._start + self._longest
-            self._close(placement.last_whole >= self._listing, placement.stamp if is_late else 0)
+            late = self._start + self._longest
+            self._close(placement.last_whole >= self._listing,
+                        late if late < placement.stamp else 0)
             if placement.stamp > self._last_stamp + self._longest:
                 # None of the last set is linked to this one, which may end much later.
-                self._rest(placement.stamp)
+                self._rest(placement.stamp - 1)
             self._listing, self._start = placement.listing, placement.stamp
             self._described = described
         if not placement.is_empty:
@@ -189,8 +190,9 @@ class SetTracker(Tracker):
             self._last = None
 
     def rest(self, now: int, is_over: bool = False) -> None:
-        if self._listing and (is_over or now > self._start + self._longest):
-            self._close(held=now)
+        late = self._start + self._longest
+        if self._listing and (is_over or now > late):
+            self._close(held=min(now, late))
         # Whether bodies are received again is only known when the next set has ended.
         if not self._listing and (is_over or now > self._last_stamp + self._longest):
             self._rest(now)

@@ -418,7 +418,8 @@ def compare(seed, form, path):
                       for k in ([k] if form != 'collection' or k is not None else (
                           [k for *_, k, _ in polygons or ()])) if k == REFUSED)
     assert ['go back' in one for one in result.problems] == [True] * by_header
-    assert Counter({one.topic[1:]: sum(one.rejected.values()) for one in result.sources}) == refused
+    assert refused == Counter({one.topic[1:]: sum(one.rejected.values())
+                               for one in result.sources})
     return sum(compared(recorded, result, footprint, np.random.default_rng(seed))
                for footprint in result.footprints)
 

@@ -274,7 +274,7 @@ class RecordedMotion:
         if self._drawing:
             self._drawing.finish(end)
         self.contacts[:] = joined_contacts(self.contacts)
-        self.contacts.sort(key=attrgetter('first'))
+        self.contacts.sort(key=attrgetter('first', 'footprint', 'obstacle'))
 
     def undetermined_of(self, name: str) -> int:
         """Return for how long (ns) the motion of a footprint or of obstacles was not known."""

@@ -398,7 +398,8 @@ class Ingest:
         """For recorded motion: a refused message with an id shows that its publisher is alive."""
         if self._placements is not None and instance and stamp is not None and stamp <= now:
             self._placements.append(Placement(
-                name, stamp or now, self._fixed, _NO_POINTS, None, None))
+                name, stamp or now, self._fixed, _NO_POINTS, None, None,
+                *self._scene.joined(name)))
 
     def reject(self, settings: (FootprintSettings | ObstacleSettings | CommandSettings
                                 | PathSettings), reason: str, detail: str) -> Rejection:

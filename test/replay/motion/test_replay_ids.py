@@ -82,3 +82,22 @@ def test_obstacle_at_rest_with_an_id_is_one_contact(tmp_path):
     contact, = run(tmp_path, messages, None).contacts
     assert [(time - START) / SECOND for time in (contact.first, contact.last)] == pytest.approx(
         [(5 + 1 / 64) / 1.5, (6 + 1 / 64 + 0.25) / 1.5], abs=1e-5)
+
+
+@pytest.mark.parametrize('as_live', (False, True))
+def test_refused_message_shows_that_the_publisher_of_an_id_is_alive(tmp_path, as_live):
+    """An id that the robot touches is held until a timeout after it."""
+    messages = samples([0.0] * 40) + [track(0.1, 1, 0.5), track(1.0, 2, float('nan'))]
+    contact, = (result := run(tmp_path, messages, None, as_live=as_live, parameters={
+        'tracks.timeout': 1.0})).contacts
+    assert since(result, contact.first, contact.last) == pytest.approx([0.1, 2.0], abs=1e-6)
+
+
+def test_refused_id_changes_nothing_about_those_of_its_map(tmp_path):
+    """One id is in two places of a map, and another one between them is refused."""
+    marked = {'tracks.timeout': 0.0, 'tracks.set_end': 'empty_polygon'}
+    messages = samples([0.0] * 10) + [
+        track(0.1, 1, 0.5), track(0.1, 2, float('nan'), 0.001), track(0.1, 1, 9.0, 0.002),
+        ('/tracks', 0.103, serialised([], START + SECOND // 10, instance=1))]
+    contact, = run(tmp_path, messages, None, parameters=marked).contacts
+    assert contact.at_end

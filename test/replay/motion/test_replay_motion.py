@@ -588,3 +588,14 @@ def test_deepest_moment_with_a_non_convex_obstacle(tmp_path):
     x = -20.0 + 400.0 * (contact.deepest - START - 0.9 * SECOND) / SECOND
     assert -0.125 < x < 0.25 or 0.625 < x < 1.0
     assert contact.depth > 0.0
+
+
+def test_bodies_older_than_the_timeout_are_not_linked_though_their_sets_are_nearer(tmp_path):
+    """Each is 0.51 s after the one before; from one set to the next it is 0.49 s."""
+    messages = samples([9.0] * 8) + [at(0.05, [])] + [
+        at(time, box(x) if x else [], delay) for time, delay, x in (
+            (0.12, 0.0, 3.0), (0.1, 0.021, 0.5), (0.12, 0.002, None),
+            (0.63, 0.0, 3.5), (0.61, 0.021, 1.0), (0.63, 0.002, None))]
+    result = run(tmp_path, messages, MARKS, parameters={'obstacle.timeout': 0.5})
+    assert [since(result, one.first, one.last) for one in result.undetermined] == [
+        pytest.approx([0.12, 0.6], abs=1e-6)]

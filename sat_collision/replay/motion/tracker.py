@@ -171,7 +171,7 @@ class SetTracker(Tracker):
             late = self._start + self._longest
             self._close(placement.last_whole >= self._listing,
                         late if late < placement.stamp else 0)
-            if placement.stamp > self._last_stamp + self._longest:
+            if self._seen is not None and placement.stamp > self._seen.end + self._longest:
                 # None of the last set is linked to this one, which may end much later.
                 self._rest(placement.stamp - 1)
             self._listing, self._start = placement.listing, placement.stamp
@@ -196,6 +196,8 @@ class SetTracker(Tracker):
         # Whether bodies are received again is only known when the next set has ended.
         if not self._listing and (is_over or now > self._last_stamp + self._longest):
             self._rest(now)
+        if is_over and not self._is_whole:
+            self._miss(self._since, now)
 
     def _rest(self, now: int) -> None:
         """Let the bodies of the last set stand until a time, or their timeout."""
@@ -283,15 +285,13 @@ class SetTracker(Tracker):
         rows, next_rows = np.empty((2, len(last)), np.int64)
         found = mutual_nearest(last.rings, last.boxes, seen.rings, seen.boxes, self._longest,
                                rows, next_rows)
-        if not found:
-            return []
-        motion = motion_between(last, seen, rows[:found], next_rows[:found])
-        if last is self._seen or not motion.moved.any():
-            return [motion]
-        # Of bodies that have stood for long, those are linked that are where they were.
-        still = motion.moved == 0.0
-        return [motion_between(last, seen, motion.rows[still], motion.next_rows[still])
-                ] if still.any() else []
+        rows, next_rows = rows[:found], next_rows[:found]
+        if found and self._seen is not None and last is not self._seen:
+            # Of bodies that have stood for long, those are linked that are where they were.
+            still = motion_between(last, seen, rows, next_rows).moved == 0.0
+            still &= seen.stamps[next_rows] - self._seen.stamps[rows] <= self._timeout
+            rows, next_rows = rows[still], next_rows[still]
+        return [motion_between(last, seen, rows, next_rows)] if len(rows) else []
 
 
 def _shape_of(placement: Placement) -> tuple[bytes, object, str]:

@@ -289,17 +289,23 @@ class Recorded:
             while n in broken:
                 n += 1
             if n > before:
-                # Nothing shows in time of a set that only another one ends.
-                is_open = self.form == STAMPS and (
-                    before + 1 == len(begins)
-                    or begins[before + 1] - ends[before] > self.longest)
                 begin = begins[before - 1] if before else -math.inf
-                if is_open:
+                end = ends[n] if n < len(ends) else self.end
+                # Nothing shows in time of a set that only another one ends.
+                if self._is_open(before, begins, ends):
                     self.unclear.append((begin, begins[before]))
                     begin = begins[before]
-                self.broken.append((begin, ends[n] if n < len(ends) else self.end))
+                if self._is_open(n - 1, begins, ends):
+                    self.unclear.append((begins[n - 1], end))
+                    end = begins[n - 1]
+                self.broken.append((begin, end))
             n += 1
         self.undetermined += self.broken
+
+    def _is_open(self, n, begins, ends):
+        """Return whether no other set follows one soon, which only that would end."""
+        return self.form == STAMPS and (
+            n + 1 == len(begins) or begins[n + 1] - ends[n] > self.longest)
 
     def _lose(self, sent):
         """Let the recorder say at two times whether something was lost; return of which sets."""

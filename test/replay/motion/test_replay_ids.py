@@ -86,7 +86,7 @@ def test_obstacle_at_rest_with_an_id_is_one_contact(tmp_path):
 
 @pytest.mark.parametrize('as_live', (False, True))
 def test_refused_message_shows_that_the_publisher_of_an_id_is_alive(tmp_path, as_live):
-    """An id that the robot touches is held until a timeout after it."""
+    """An id that the robot touches is held until one timeout after a message of another id."""
     messages = samples([0.0] * 40) + [track(0.1, 1, 0.5), track(1.0, 2, float('nan'))]
     contact, = (result := run(tmp_path, messages, None, as_live=as_live, parameters={
         'tracks.timeout': 1.0})).contacts

@@ -192,3 +192,13 @@ def test_each_gap_that_meets_a_loss_is_marked(seed):
         seen[topic] = time
         assert (kind is AfterLoss) is any(
             begin < time and before < end for begin, end in begins[topic])
+
+
+def test_what_follows_a_last_set_that_is_not_whole_is_undetermined(tmp_path):
+    """Three whole sets; something of the fourth, the last one, is lost."""
+    messages = [one for one in standing(4.0) if one[0] == '/footprint'] + [
+        ('/obstacles', time, points) for time in (0.1, 0.5, 0.9, 2.5) for points in (box(9), [])]
+    result = run(tmp_path / 'bag', messages, losses(2.2, obstacles=(0, 0)),
+                 losses(3.0, obstacles=(1, 0)), kind=MARKS, parameters={f'{SOURCE}.timeout': 5.0})
+    assert [(one.first - START, one.last - START) for one in result.undetermined] == [
+        (0.9 * SECOND, 3.9 * SECOND)]

@@ -599,3 +599,14 @@ def test_bodies_older_than_the_timeout_are_not_linked_though_their_sets_are_near
     result = run(tmp_path, messages, MARKS, parameters={'obstacle.timeout': 0.5})
     assert [since(result, one.first, one.last) for one in result.undetermined] == [
         pytest.approx([0.12, 0.6], abs=1e-6)]
+
+
+def test_bodies_are_not_linked_across_more_than_a_timeout_above_ten_seconds(tmp_path):
+    """One that comes again after 20.5 s where it was is held for its timeout of 20 s."""
+    messages = samples([0.0] * 23, every=2.0) + [at(0.5, [])] + [
+        at(time, points, delay) for time in (1.0, 21.5)
+        for points, delay in ((box(0.5), 0.0), ([], 0.001))]
+    result = run(tmp_path, messages, MARKS, parameters={
+        'obstacle.timeout': 20.0, 'footprint.timeout': 5.0})
+    assert [since(result, one.first, one.last) for one in result.contacts] == [
+        pytest.approx(times, abs=1e-6) for times in ([1.0, 21.0], [21.5, 41.5])]

@@ -30,6 +30,7 @@ PACKAGES = 'numpy', 'numba', 'shapely', 'rclpy'
 PARTS = ('kernel', 'scene', 'maps', 'plans', 'node', 'cpp', 'whole_sets', 'frames', 'startup',
          'replay', 'damaged')
 PLOTS = {'kernel': scene.plot, 'node': node.plot}
+_US = {name: f'{name}_us' for name in ('reading', 'decoding', 'live', 'motion')}
 _KERNELS = {'monitor': 'numba', 'plain': 'plain Python'}
 
 
@@ -171,11 +172,12 @@ TABLES = {
         'first start': '{cold_s:.1f} s', 'later starts': '{warm_s:.1f} s',
         'empty rclpy node': '{floor_s:.1f} s'}),
     'replay': lambda figures: table_of(figures['replay'], {
-        'storage': '{storage}', 'obstacles': '{obstacles}', 'reading': '{reading_us:.1f}',
-        'reading and decoding': '{decoding_us:.1f}', 'checked as live': '{live_us:.1f}',
-        'and between messages': '{motion_us:.1f}',
-        'decoding, times as live': lambda one: f'{one["decoding_us"] / one["live_us"]:.2f}',
-        'times between messages': lambda one: f'{one["decoding_us"] / one["motion_us"]:.2f}'}),
+        'storage': '{storage}', 'obstacles': '{obstacles}', 'read by rosbags': '{reading_us:.1f}',
+        'and decoded': '{decoding_us:.1f}',
+        'read by mcap': lambda one: f'{one["mcap_us"]:.1f}' if 'mcap_us' in one else '–',
+        'checked as live': '{live_us:.1f}', 'and between messages': '{motion_us:.1f}',
+        **{f'{of} ÷ {to}': lambda one, of=of, to=to: f'{one[_US[of]] / one[_US[to]]:.2f}'
+           for of in ('reading', 'decoding') for to in ('live', 'motion')}}),
     'damaged': lambda figures: table_of([figures['damaged']], {
         name: f'{{{name}:.0%}}' for name in ('sat_collision', 'rosbags', 'mcap')})}
 

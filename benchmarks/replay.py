@@ -50,7 +50,7 @@ _PERIOD = 2 * _SECOND
 
 
 def measure(messages, runs):
-    """Return the µs a message of reading and decoding with rosbags, and of checking."""
+    """Return the µs a message of reading with rosbags and mcap, of decoding, and of checking."""
     return [_measure(storage, size, messages, runs) for storage in STORAGES for size in SIZES]
 
 
@@ -58,6 +58,8 @@ def _measure(storage, size, messages, runs):
     tasks = {'reading_us': _read_all, 'decoding_us': partial(_read_all, decode=True),
              'live_us': partial(check, options=Options(_PARAMETERS, as_live=True)),
              'motion_us': partial(check, options=Options(_PARAMETERS))}
+    if storage == 'MCAP':
+        tasks['mcap_us'] = _read_with_mcap
     least = dict.fromkeys(tasks, float('inf'))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, 'drive')
@@ -94,6 +96,11 @@ def _read_all(path, decode=False):
         for _, _, data in reader.messages():
             if decode:
                 STORE.deserialize_cdr(data, _KIND)
+
+
+def _read_with_mcap(path):
+    for _ in _mcap(path / f'{path.name}.mcap'):
+        pass
 
 
 def measure_damaged(recordings):

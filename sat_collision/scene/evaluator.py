@@ -36,6 +36,9 @@ class Changes(NamedTuple):
     brief: list[str]  # in collision since then, but neither then nor now
 
 
+_NONE = Changes([], [])
+
+
 class Evaluator:
     """
     Evaluates the footprints for which something has changed.
@@ -134,9 +137,9 @@ class Evaluator:
 
     def take_changes(self) -> Changes:
         """Return what has changed since the last call."""
-        changes = Changes([], [])
         if not self._evaluated:
-            return changes
+            return _NONE
+        changes = Changes([], [])
         for name, footprint in self._footprints.items():
             if footprint in self._evaluated:
                 before, collides = footprint.reported, footprint.status is Status.COLLISION

@@ -29,7 +29,6 @@ import yaml
 
 _STORAGE = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 _ROS_1 = b'#ROSBAG V'
-_LOW = 2**32 - 1
 # Transient local, as rosbag2 names and numbers it.
 _LATCHED = 'transient_local', 1
 
@@ -92,8 +91,8 @@ class Recording(Storage):
              stop: int | None = None) -> Iterator[Row]:
         for row in self.peek(topics, start, stop):
             topic, times, messages = row
-            self._sums[topic] += sum(map(
-                zlib.crc32, messages, [(time ^ time >> 32) & _LOW for time in times]))
+            # Of the times the lowest 32 bits count.
+            self._sums[topic] += sum(map(zlib.crc32, messages, times))
             yield row
 
     def peek(self, topics: Collection[str], start: int | None = None,

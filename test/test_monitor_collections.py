@@ -18,6 +18,7 @@ from oracle import intersects
 import pytest
 from sat_collision.messages.transform_listener import TF_STATIC
 from sat_collision.monitor import Monitor
+from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 
 L_SHAPE = [(0, 3), (2, 3), (2, 5), (1, 5), (1, 4), (0, 4)]
@@ -67,6 +68,25 @@ def test_one_message_is_a_whole_set():
     assert world.status == 'clear'
     world.send()
     assert world.status == 'clear' and not world.monitor.scene.obstacles
+
+
+def test_polygons_that_are_far_are_placed_together_from_the_first_message_on(monkeypatch):
+    """Sets of changing sizes grow several groups; of each only what is near is placed alone."""
+    alone = []
+    place = Contacts.place_obstacle
+    monkeypatch.setattr(Contacts, 'place_obstacle', lambda self, one, where: (
+        alone.append(str(one.name)), place(self, one, where)))
+    world = Collections()
+    for size in (10, 300, 40, 2000, 2000, 5, 2000, 300):
+        world.now += SECOND // 10
+        world.place(box(0))
+        assert world.send(*(box(5 + k) for k in range(size - 1)), box(1.5)) is None
+        assert len(world.monitor.scene.obstacles) == size and world.status == 'clear'
+    assert alone == []
+    world.place(box(100.5))
+    contacts = [str(one) for one in world.monitor.scene.state('robot').contacts]
+    assert contacts == ['lidar/95', 'lidar/96']
+    assert world.monitor.scene.nearest('robot', apart=True).separation == 0.5
 
 
 def test_numbers_are_not_needed():

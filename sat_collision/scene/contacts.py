@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Generic, TypeAlias, TypeVar
 
 import numpy as np
@@ -80,6 +80,10 @@ class Contacts:
                           if footprints[row].settings.monitors(obstacle.name.source)]
             self.changed.update(update_contacts(obstacle, monitoring))
             self.moved.update(monitoring)
+
+    def reserve(self, obstacles: Sequence[Obstacle], counts: NDArray[np.int64]) -> list[int]:
+        """Give rows to obstacles that runs will place, of so many vertices each."""
+        return self._obstacles.reserve(obstacles, counts)
 
     def place_run(self, run: Run, rows: Any, first: int, limit: int) -> int:
         """Place a run until a body has no row or may meet a footprint; return how many."""
@@ -176,14 +180,24 @@ class _Placed(Generic[_Kind]):
     def place(self, body: _Kind, where: PackedBody, others: PackedSet,
               margin: float) -> list[int] | None:
         """Place or move a body; return the rows of others that it meets, None if it stayed."""
-        if body.row is None:
-            body.placed = self.polygons
-            body.row = self.polygons.new_row()
-            self.bodies[body.row] = body
-        met = self.polygons.place(body.row, where, others, margin)
+        row = body.row
+        if row is None:
+            self._take(row := self.polygons.new_row(), body)
+        met = self.polygons.place(row, where, others, margin)
         if met is not None:
             body.moved()
         return met
+
+    def reserve(self, bodies: Sequence[_Kind], counts: NDArray[np.int64]) -> list[int]:
+        rows = self.polygons.new_rows(counts)
+        for row, body in zip(rows, bodies):
+            self._take(row, body)
+        return rows
+
+    def _take(self, row: int, body: _Kind) -> None:
+        body.placed = self.polygons
+        body.row = row
+        self.bodies[row] = body
 
     def remove(self, body: _Kind) -> bool:
         """Remove a body; return whether it was placed."""

@@ -230,6 +230,9 @@ class SetGroup(ObstacleGroup):
         """Take the polygons of a message; return why the first refused one is."""
         problem = None
         k = 0
+        count = min(polygons.count, self._store.max_count - self._added)
+        if polygons.run and self._added + count > len(self._places):
+            self._reserve(polygons.run(len(self._places) - self._added), count)
         while k < polygons.count and problem is not TOO_MANY:
             if polygons.run:
                 k += self.add_run(polygons.run(k), self._store.max_count - self._added, frame_id,
@@ -241,6 +244,15 @@ class SetGroup(ObstacleGroup):
                     refusal and f'polygon {k}: {refusal}')
                 k += 1
         return problem
+
+    def _reserve(self, run: Run, count: int) -> None:
+        """Have places and rows for the first polygons of a message, of which a run is missing."""
+        _, spans, first, _, _, max_vertices, _ = run
+        places = [Obstacle(self, self._store.source, self._added + k) for k in range(first, count)]
+        points = np.asarray(spans)[1::2][first:count].clip(max=max_vertices + 1)
+        rows = np.asarray(self._rows)[:len(self._places)]
+        self._places += places
+        self._rows = indexable(np.append(rows, self._contacts.reserve(places, points)))
 
     def set_times(self, time: int) -> None:
         super().set_times(time)

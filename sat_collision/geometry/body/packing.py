@@ -66,13 +66,21 @@ def pack(points, packed, max_vertices, max_non_convex):
     indices of the ring share a point.
     """
     require_nearest(len(points))
-    return write_packed(points, len(points) // 2, scratch(len(points)), scratch(len(points)),
-                        packed, max_vertices, max_non_convex)
+    ring = scratch(len(points))
+    found = write_packed(points, len(points) // 2, ring, scratch(len(points)), packed,
+                         max_vertices, max_non_convex)
+    if found[0] == CONVEX:
+        write_inner_disc(ring, found[1], packed)
+    return found
 
 
 @inner
 def write_packed(points, received, ring, walk, packed, max_vertices, max_non_convex):
-    """Pack some points as `pack` does, with room for as many in ring and walk."""
+    """
+    Pack some points as `pack` does, with room for as many in ring and walk.
+
+    The ring is that of the polygon then. A convex polygon gets no disc, see `write_inner_disc`.
+    """
     verdict, count, clockwise, i = _classify(points, received, ring, walk)
     j = i
     first = 0
@@ -91,7 +99,6 @@ def write_packed(points, received, ring, walk, packed, max_vertices, max_non_con
         packed[6] = 0.0
         packed[2], packed[3], packed[4], packed[5] = bounds_of(ring, count)
         if verdict == CONVEX:
-            _write_inner_disc(ring, count, packed)
             _write_table(ring, count, packed)
     for k in range(2 * count):
         packed[first + k] = ring[k]
@@ -139,7 +146,7 @@ def move(values, first, step, received, affine, points):
 
 
 @inner
-def _write_inner_disc(ring, count, packed):
+def write_inner_disc(ring, count, packed):
     """
     Write the centroid (paper section 2.2) if it is proved to lie in the polygon, and its disc.
 

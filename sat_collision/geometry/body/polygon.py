@@ -293,14 +293,14 @@ def max_non_convex(max_vertices: int) -> int:
 
 
 class Packer:
-    """Packs the points of messages, convex ones into an array used again each time."""
+    """Packs the points of messages, convex ones into an array used again each time (see `Run`)."""
 
     def __init__(self, max_vertices: int) -> None:
         self.max_vertices = max_vertices
         self._max_non_convex = max_non_convex(max_vertices)
         # One more, for a closing point; messages with even more points may be slow.
         self._max_points = max_vertices + 1
-        self.array = indexable(np.empty(packed_size(self._max_points)))
+        self.array = indexable(np.empty(4 * packed_size(self._max_points)))
 
     def pack(self, points: Points, affine: Affine2D = UNMOVED) -> PackedBody:
         """Return the body of points moved by an affine map, valid until the next call."""

@@ -15,6 +15,8 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from sat_collision.geometry.body.layout import packed_sizes
 from sat_collision.geometry.compiled.jit import indexable
 from sat_collision.geometry.sets.polygon_set import ascending, Point, PolygonSet
 from sat_collision.geometry.sets.run import Run, write_run
@@ -35,12 +37,23 @@ class PackedSet(PolygonSet):
     polygon = PolygonSet._polygon
     first_met = PolygonSet._first_met
 
+    def new_rows(self, counts: NDArray[np.int64]) -> list[int]:
+        """Add rows without a body, with room for one of so many vertices each; return them."""
+        added = [self._new_row() for _ in counts]
+        sizes = packed_sizes(counts)
+        self._make_room_for(int(sizes.sum()))
+        self._rows.start[added] = self._used_doubles + np.cumsum(sizes) - sizes
+        self._rows.space[added] = sizes
+        self._used_doubles += int(sizes.sum())
+        return added
+
     def place_run(self, run: Run, rows: Any, first: int, limit: int, others: PackedSet,
                   margin: float) -> int:
         """Replace the bodies of rows by polygons of a run, see `write_run`; return how many."""
         if self._queries:
             self._forget_index()
-        count: int = write_run(run, self._array, rows, first, limit, others._array, margin)
+        count: int = write_run(run, self._array, rows, first, limit, others._array, margin,
+                               False)
         return count
 
     def nearest_to(self, others: PackedSet, row: int, skipped: list[int]

@@ -155,12 +155,13 @@ class PolygonSet:
         self._rows.space[rows] = sizes
         data = points.tobytes()
         spans = indexable(np.column_stack([PAIR * DOUBLE * ends[:-1], counts]).ravel())
-        space = indexable(np.empty(packed_size(limit + 1)))
+        space = indexable(np.empty(4 * packed_size(limit + 1)))
         others: list[tuple[int, PackedBody]] = []
         done = 0
         while True:
             run = data, spans, done, IN_ONE_MESSAGE, UNMOVED, limit, space
-            done += write_run(run, self._array, indexable(rows), done, len(rows), _NO_BODIES, 0.0)
+            done += write_run(run, self._array, indexable(rows), done, len(rows), _NO_BODIES, 0.0,
+                              True)
             if done == len(rows):
                 break
             # It is not convex, or not valid.
@@ -534,19 +535,23 @@ class PolygonSet:
 
     def _make_room(self, row: int, size: int) -> None:
         """Reserve space for a packed body of a row, at the end of the space in use."""
-        rows = self._rows
-        rows.n[row] = 0
-        if self._used_doubles + size > len(rows.packed):
-            live = int(rows.space[rows.n != 0].sum())
-            self._rebuild(len(rows.n), max(_FEWEST_DOUBLES, 2 * (live + size)))
+        self._rows.n[row] = self._rows.space[row] = 0
+        self._make_room_for(size)
         self._rows.start[row] = self._used_doubles
         self._rows.space[row] = size
         self._used_doubles += size
 
+    def _make_room_for(self, size: int) -> None:
+        """Have so many doubles that are not in use; free rows may lose their space."""
+        rows = self._rows
+        if self._used_doubles + size > len(rows.packed):
+            live = int(rows.space.sum() - rows.space[self._free].sum())
+            self._rebuild(len(rows.n), max(_FEWEST_DOUBLES, 2 * (live + size)))
+
     def _rebuild(self, room: int, doubles: int) -> None:
         """Move everything to an array with other room, without gaps between bodies."""
         old = self._rows
-        rows = np.flatnonzero(old.n)
+        rows = np.setdiff1d(np.flatnonzero(old.space), self._free)
         sizes = old.space[rows]
         self._use(new_array(room, doubles))
         for name in ('min_x', 'min_y', 'max_x', 'max_y', 'n', 'space'):

@@ -17,16 +17,16 @@ from typing import Any, TypeAlias
 
 from sat_collision.geometry.body.layout import bounds_in, box_gap, packed_polygon, rows_of
 from sat_collision.geometry.body.packing import (
-    CONVEX, DOUBLE, move, PAIR, TRIPLE, WORD, write_packed)
+    CONVEX, DOUBLE, move, PAIR, TRIPLE, WORD, write_inner_disc, write_packed)
 from sat_collision.geometry.compiled.floating_point import require_nearest
-from sat_collision.geometry.compiled.jit import (
-    inner, kernel, numbers_of, scratch)
+from sat_collision.geometry.compiled.jit import beyond, elements, inner, kernel, numbers_of
 from sat_collision.geometry.sets.set_kernels import NO_ROOM, write_row
 
 # Messages that differ only in their points: their bytes, joined; the end of each but the last, an
 # array of int64; the number of the first message to write; the offset in a message of the number
 # of its points, which follow it, x, y and z of each as float32 in this machine's byte order; the
-# affine map of the points; the most vertices accepted; an array with room for one packed polygon.
+# affine map of the points; the most vertices accepted; an array with room for four packed polygons
+# of one vertex more, in which the first is packed.
 # Or the polygons of one message: its bytes, from where their alignment counts; the offset and the
 # number of the points of each polygon, x and y of each as float64, a flat array of int64; the
 # number of the first polygon; IN_ONE_MESSAGE; and the rest as above.
@@ -38,7 +38,7 @@ IN_ONE_MESSAGE = -1
 
 
 @kernel
-def write_run(run, set_array, rows, row, limit, others, margin):
+def write_run(run, set_array, rows, row, limit, others, margin, with_discs):
     """
     Write the polygons of a run into rows, as long as each is ordinary and not near another body.
 
@@ -48,7 +48,7 @@ def write_run(run, set_array, rows, row, limit, others, margin):
 
     `rows` has the row of each polygon, -1 for none, from the index `row` on. Returned is how many
     were written, at most the limit: all before the first that is not ordinary, near or without a
-    row.
+    row. A disc inside each takes as long as all else, and only helps against bodies that are near.
     """
     data, ends, first, count_at, affine, max_vertices, packed = run
     require_nearest(count_at)
@@ -60,9 +60,9 @@ def write_run(run, set_array, rows, row, limit, others, margin):
     model = begin // WORD
     count = len(ends) // 2 - first if in_one else len(ends) + 1 - first
     count = min(count, limit, len(rows) - row)
-    points = scratch(2 * max_vertices + 2)
-    ring = scratch(2 * max_vertices + 2)
-    walk = scratch(2 * max_vertices + 2)
+    room = len(packed) // 4
+    packed = elements(packed)
+    points, ring, walk = beyond(packed, room), beyond(packed, 2 * room), beyond(packed, 3 * room)
     for k in range(count):
         if rows[row + k] < 0:
             return k
@@ -90,6 +90,8 @@ def write_run(run, set_array, rows, row, limit, others, margin):
             move(floats, start, TRIPLE, received, affine, points)
         verdict, vertices, _, _, _ = write_packed(points, received, ring, walk, packed,
                                                   max_vertices, 0)
+        if with_discs and verdict == CONVEX:
+            write_inner_disc(ring, vertices, packed)
         if verdict != CONVEX or _is_near(near, packed_polygon(packed, vertices), margin) or (
                 write_row(set_array, rows[row + k], packed, vertices) == NO_ROOM):
             return k

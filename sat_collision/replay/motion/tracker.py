@@ -171,9 +171,8 @@ class SetTracker(Tracker):
             late = self._start + self._longest
             self._close(placement.last_whole >= self._listing,
                         late if late < placement.stamp else 0)
-            if self._seen is not None and placement.stamp > self._seen.end + self._longest:
-                # None of the last set is linked to this one, which may end much later.
-                self._rest(placement.stamp - 1)
+            if self._ending != EMPTY_POLYGON:
+                self._rest_before(placement.stamp)
             self._listing, self._start = placement.listing, placement.stamp
             self._described = described
         if not placement.is_empty:
@@ -199,6 +198,11 @@ class SetTracker(Tracker):
         if is_over and not self._is_whole:
             self._miss(self._since, now)
 
+    def _rest_before(self, stamp: int) -> None:
+        """Let the last set rest if none of it is linked to one that begins with a stamp."""
+        if self._seen is not None and stamp > self._seen.end + self._longest:
+            self._rest(stamp - 1)
+
     def _rest(self, now: int) -> None:
         """Let the bodies of the last set stand until a time, or their timeout."""
         last, seen = self._last, self._seen
@@ -222,6 +226,9 @@ class SetTracker(Tracker):
         seen = self._take_set()
         stamp = seen.begin or self._start
         end = max(stamp, seen.end)
+        if self._ending == EMPTY_POLYGON:
+            # Its stamps are in any order.
+            self._rest_before(stamp)
         last, last_seen = self._last, self._seen
         motions: list[LinearMotion] = []
         is_in_batch = False

@@ -492,6 +492,18 @@ def test_obstacle_is_held_where_the_next_set_is_late_and_ends_later(tmp_path):
     assert since(result, contact.first, contact.last) == pytest.approx([1.0, 1.3])
 
 
+def test_bodies_of_a_marked_set_are_linked_by_their_own_stamps(tmp_path):
+    """The first polygon that is received is more than a timeout after the last set."""
+    second = [('/obstacles', 1.52, serialised(box(x), recordings.nanoseconds(stamp)) if x else [])
+              for x, stamp in ((9.0, 1.52), (3.0, 1.48), (0.0, 1.52))]
+    first = [('/obstacles', 1.0, box(-3.0)), ('/obstacles', 1.0, [])]
+    result = run(tmp_path, [*samples([0.0] * 16), *first, *second], MARKS,
+                 parameters={f'{SOURCE}.timeout': 0.5})
+    contact, = result.contacts
+    assert since(result, contact.first, contact.last) == pytest.approx([1.16, 1.32])
+    assert result.undetermined == []
+
+
 @pytest.mark.parametrize('moves', [True, False])
 def test_polygon_that_may_have_moved_is_undetermined(tmp_path, moves):
     """Of sets without a declared end: one goes and one comes, or one comes to the other."""

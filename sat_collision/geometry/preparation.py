@@ -36,7 +36,7 @@ import time
 import numpy as np
 from sat_collision.geometry.body.convex_parts import convex_parts
 from sat_collision.geometry.body.layout import packed_size
-from sat_collision.geometry.body.packing import pack_convex, TRIPLE
+from sat_collision.geometry.body.packing import pack_convex, TRIPLE, workspace
 from sat_collision.geometry.body.polygon import Polygon, UNMOVED
 from sat_collision.geometry.compiled.compilation import kernel_problem, say_nothing
 from sat_collision.geometry.compiled.jit import COMPILED, HAS_OWN_CACHE, indexable, KERNEL
@@ -47,6 +47,7 @@ from sat_collision.geometry.query import (
     closest_points, intersects, intersects_pairs, separations)
 from sat_collision.geometry.sets.packed_set import PackedSet
 from sat_collision.geometry.sets.polygon_set import PolygonSet
+from sat_collision.geometry.sets.run import find_polygons
 
 _TRIANGLE = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32)
 _NON_CONVEX = [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (2.0, 1.0)]
@@ -129,7 +130,7 @@ def is_prepared() -> bool:
 
 
 def prepare_packing() -> None:
-    packed = indexable(np.empty(packed_size(len(_TRIANGLE))))
+    packed = workspace(len(_TRIANGLE))
     points = _TRIANGLE.tobytes(), 0, len(_TRIANGLE), TRIPLE
     pack_convex(*points, packed, len(_TRIANGLE), UNMOVED)
     Polygon(_TRIANGLE)
@@ -140,6 +141,7 @@ def prepare_packing() -> None:
     bodies.new_row()
     bodies.place_run((2 * message, ends, 1, 4, UNMOVED, len(_TRIANGLE), packed),
                      indexable(np.zeros(1, np.int64)), 0, 1, PackedSet(), 0.0)
+    find_polygons(message, 0, indexable(np.empty(0, np.int64)))
 
 
 def prepare_contacts() -> None:

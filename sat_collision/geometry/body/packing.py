@@ -13,11 +13,14 @@ Packed polygons, see `layout`, made from received points, or what is wrong with 
 All decisions are exact: they compare coordinates or take the sign of `predicates.orient`.
 """
 
+from typing import Any
+
+import numpy as np
 from sat_collision.geometry.body.layout import (
-    ENTRY_BITS, entry_step, HEADER, table_place, table_size)
+    ENTRY_BITS, entry_step, HEADER, packed_size, table_place, table_size)
 from sat_collision.geometry.compiled.floating_point import require_nearest
 from sat_collision.geometry.compiled.jit import (
-    inlined, inner, kernel, numbers_of, scratch, scratch_integers)
+    indexable, inlined, inner, kernel, numbers_of, scratch, scratch_integers)
 from sat_collision.geometry.numeric.ascending import sort
 from sat_collision.geometry.numeric.predicates import orient, segments_meet
 from sat_collision.geometry.numeric.vectors import bounds_of, centroid, length
@@ -46,6 +49,11 @@ _LEAST_EDGE = 2.0 ** -500
 _LEAST_RADIUS = 1e-140
 
 _INFINITY = float('inf')
+
+
+def workspace(max_vertices: int) -> Any:
+    """Return room for four packed polygons of one vertex more, for a closing point, see `Run`."""
+    return indexable(np.empty(4 * packed_size(max_vertices + 1)))
 
 
 @kernel

@@ -23,7 +23,8 @@ from numpy.typing import ArrayLike, NDArray
 from sat_collision.geometry.body.convex_parts import convex_parts
 from sat_collision.geometry.body.layout import BOUNDS, HEADER, packed_size
 from sat_collision.geometry.body.packing import (
-    CONVEX, moved_points, NON_CONVEX, NOT_FINITE, pack, pack_convex, SPIKE, TOO_MANY, TRIPLE, WORD)
+    CONVEX, moved_points, NON_CONVEX, NOT_FINITE, pack, pack_convex, SPIKE, TOO_MANY, TRIPLE,
+    WORD, workspace)
 from sat_collision.geometry.compiled.jit import COMPILED, indexable, KERNEL
 from sat_collision.geometry.numeric.vectors import centroid
 
@@ -293,14 +294,14 @@ def max_non_convex(max_vertices: int) -> int:
 
 
 class Packer:
-    """Packs the points of messages, convex ones into an array used again each time (see `Run`)."""
+    """Packs the points of messages, convex ones into an array used again each time."""
 
     def __init__(self, max_vertices: int) -> None:
         self.max_vertices = max_vertices
         self._max_non_convex = max_non_convex(max_vertices)
         # One more, for a closing point; messages with even more points may be slow.
         self._max_points = max_vertices + 1
-        self.array = indexable(np.empty(4 * packed_size(self._max_points)))
+        self.array = workspace(max_vertices)
 
     def pack(self, points: Points, affine: Affine2D = UNMOVED) -> PackedBody:
         """Return the body of points moved by an affine map, valid until the next call."""

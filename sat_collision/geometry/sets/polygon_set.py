@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sat_collision.geometry.body.box_index import build_index
 from sat_collision.geometry.body.layout import (
-    new_array, packed_size, packed_sizes, slices_of, USED, value_of, views_of)
-from sat_collision.geometry.body.packing import DOUBLE, PAIR
+    new_array, packed_sizes, slices_of, USED, value_of, views_of)
+from sat_collision.geometry.body.packing import DOUBLE, PAIR, workspace
 from sat_collision.geometry.body.polygon import (
     as_polygon, BodyLike, coordinates, double, ends_of, integer, is_geometry, MAX_VERTICES,
     PackedBody, Polygon, PolygonError, Reason, size_of, UNMOVED)
@@ -155,7 +155,7 @@ class PolygonSet:
         self._rows.space[rows] = sizes
         data = points.tobytes()
         spans = indexable(np.column_stack([PAIR * DOUBLE * ends[:-1], counts]).ravel())
-        space = indexable(np.empty(4 * packed_size(limit + 1)))
+        space = workspace(limit)
         others: list[tuple[int, PackedBody]] = []
         done = 0
         while True:

@@ -25,8 +25,7 @@ from sat_collision.geometry.sets.set_kernels import NO_ROOM, write_row
 # Messages that differ only in their points: their bytes, joined; the end of each but the last, an
 # array of int64; the number of the first message to write; the offset in a message of the number
 # of its points, which follow it, x, y and z of each as float32 in this machine's byte order; the
-# affine map of the points; the most vertices accepted; an array with room for four packed polygons
-# of one vertex more, in which the first is packed.
+# affine map of the points; the most vertices accepted; and the `workspace` for so many.
 # Or the polygons of one message: its bytes, from where their alignment counts; the offset and the
 # number of the points of each polygon, x and y of each as float64, a flat array of int64; the
 # number of the first polygon; IN_ONE_MESSAGE; and the rest as above.

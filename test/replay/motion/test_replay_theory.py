@@ -451,7 +451,7 @@ def compared(recorded, result, footprint, rng):
     # Also just before and after messages, which is where most changes.
     stamps = [time for _, time, *_ in recorded.messages if begin + 100 < time < end - 100]
     times = [*rng.integers(begin, end, 15).tolist(),
-             *(rng.choice(stamps or [begin], 15) + rng.choice([-100, 100], 15)).tolist()]
+             *((rng.choice(stamps, 15) + rng.choice([-100, 100], 15)).tolist() if stamps else ())]
     for time, distances in zip(times, recorded.distances(name, times)):
         touches = bool(distances) and min(distances) <= METRE
         if any(first <= time <= last for first, last in recorded.broken):

@@ -11,7 +11,7 @@
 Memory layout of packed polygons, and of sets of them: flat arrays of doubles that kernels read.
 
 Every packed polygon begins with a header: two numbers whose meaning depends on the kind; the
-bounds (min x, min y, max x, max y); and the radius of a disc inside the polygon.
+bounds (min x, min y, max x, max y); and the radius of a disc inside the polygon, 0 for none.
 
 The count of a *convex* polygon is its number of vertices. Its header begins with the centre of the
 disc, a point of the polygon: the centroid if that is certain to lie inside. Then follow, if there

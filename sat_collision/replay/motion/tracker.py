@@ -172,7 +172,7 @@ class SetTracker(Tracker):
             self._close(placement.last_whole >= self._listing,
                         late if late < placement.stamp else 0)
             if self._ending != EMPTY_POLYGON:
-                self._rest_before(placement.stamp)
+                self._rest_before(placement.stamp, placement.stamp)
             self._listing, self._start = placement.listing, placement.stamp
             self._described = described
         if not placement.is_empty:
@@ -198,10 +198,11 @@ class SetTracker(Tracker):
         if is_over and not self._is_whole:
             self._miss(self._since, now)
 
-    def _rest_before(self, stamp: int) -> None:
-        """Let the last set rest if none of it is linked to one that begins with a stamp."""
-        if self._seen is not None and stamp > self._seen.end + self._longest:
-            self._rest(stamp - 1)
+    def _rest_before(self, begin: int, end: int) -> None:
+        """Let the last set rest if the latest stamp of the next one, its end, is long after it."""
+        if self._seen is not None and (gap := end - self._seen.end) > self._longest:
+            # After a timeout nothing of it is left, else it may be linked to where it stood.
+            self._rest((begin if gap <= self._timeout else end) - 1)
 
     def _rest(self, now: int) -> None:
         """Let the bodies of the last set stand until a time, or their timeout."""
@@ -228,7 +229,7 @@ class SetTracker(Tracker):
         end = max(stamp, seen.end)
         if self._ending == EMPTY_POLYGON:
             # Its stamps are in any order.
-            self._rest_before(stamp)
+            self._rest_before(stamp, end)
         last, last_seen = self._last, self._seen
         motions: list[LinearMotion] = []
         is_in_batch = False

@@ -492,16 +492,20 @@ def test_obstacle_is_held_where_the_next_set_is_late_and_ends_later(tmp_path):
     assert since(result, contact.first, contact.last) == pytest.approx([1.0, 1.3])
 
 
-def test_bodies_of_a_marked_set_are_linked_by_their_own_stamps(tmp_path):
-    """The first polygon that is received is more than a timeout after the last set."""
-    second = [('/obstacles', 1.52, serialised(box(x), recordings.nanoseconds(stamp)) if x else [])
-              for x, stamp in ((9.0, 1.52), (3.0, 1.48), (0.0, 1.52))]
-    first = [('/obstacles', 1.0, box(-3.0)), ('/obstacles', 1.0, [])]
-    result = run(tmp_path, [*samples([0.0] * 16), *first, *second], MARKS,
+@pytest.mark.parametrize('every', [0.1, 0.01])
+@pytest.mark.parametrize('places', [(3.0, 9.0), (9.0, 3.0)])
+def test_marked_sets_are_linked_if_their_latest_stamps_are_near(tmp_path, places, every):
+    """A body moves within the timeout, but its set comes later; whatever comes in between."""
+    stamps = {3.0: recordings.nanoseconds(1.48), 9.0: recordings.nanoseconds(1.52)}
+    first = [('/obstacles', 0.9, []), ('/obstacles', 1.0, box(-3.0)), ('/obstacles', 1.0, [])]
+    second = [*(('/obstacles', 1.52, serialised(box(x), stamps[x])) for x in places),
+              ('/obstacles', 1.52, [])]
+    robot = samples([0.0] * round(1.9 / every), every=every)
+    result = run(tmp_path, [*robot, *first, *second], MARKS,
                  parameters={f'{SOURCE}.timeout': 0.5})
-    contact, = result.contacts
-    assert since(result, contact.first, contact.last) == pytest.approx([1.16, 1.32])
-    assert result.undetermined == []
+    assert result.contacts == []
+    found, = result.undetermined
+    assert since(result, found.first, found.last) == pytest.approx([1.0, 1.5])
 
 
 @pytest.mark.parametrize('moves', [True, False])

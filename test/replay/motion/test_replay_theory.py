@@ -256,7 +256,8 @@ class Recorded:
             lost = []
             for k, (stamp, x) in one.items():
                 if k in after and 0 < after[k][0] - stamp <= (
-                        self.timeout if after[k][1] == x else self.longest):
+                        self.timeout if after[k][1] == x else self.longest) and (
+                            after[k][1] == x or ends[n + 1] - ends[n] <= self.longest):
                     self.pieces[k].append(Piece(stamp, x, *after[k]))
                 else:
                     lost.append(k)

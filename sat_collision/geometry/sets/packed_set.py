@@ -52,8 +52,7 @@ class PackedSet(PolygonSet):
         """Replace the bodies of rows by polygons of a run, see `write_run`; return how many."""
         if self._queries:
             self._forget_index()
-        count: int = write_run(run, self._array, rows, first, limit, others._array, margin,
-                               False)
+        count: int = write_run(run, self._array, rows, first, limit, others._array, margin)
         return count
 
     def nearest_to(self, others: PackedSet, row: int, skipped: list[int]

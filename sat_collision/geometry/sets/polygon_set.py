@@ -28,7 +28,7 @@ from sat_collision.geometry.body.polygon import (
 from sat_collision.geometry.compiled.jit import COMPILED, indexable
 from sat_collision.geometry.motion.prediction import first_row_met, motion_of, ways_of
 from sat_collision.geometry.pair.separating_axis import MEET
-from sat_collision.geometry.sets.run import IN_ONE_MESSAGE, write_run
+from sat_collision.geometry.sets.run import ALONE, IN_ONE_MESSAGE, write_run
 from sat_collision.geometry.sets.set_kernels import (
     decide_rows, intersecting_rows, measure_rows, near_rows, NEAREST, NO_ROOM, UNCHANGED,
     write_and_intersect, write_row)
@@ -160,8 +160,8 @@ class PolygonSet:
         done = 0
         while True:
             run = data, spans, done, IN_ONE_MESSAGE, UNMOVED, limit, space
-            done += write_run(run, self._array, indexable(rows), done, len(rows), _NO_BODIES, 0.0,
-                              True)
+            done += write_run(run, self._array, indexable(rows), done, len(rows), _NO_BODIES,
+                              ALONE)
             if done == len(rows):
                 break
             # It is not convex, or not valid.

@@ -34,10 +34,12 @@ Run: TypeAlias = tuple[bytes, Any, int, int, tuple[float, float, float, float, f
                        int, Any]
 
 IN_ONE_MESSAGE = -1
+# In place of a margin: there are no other bodies.
+ALONE = -1.0
 
 
 @kernel
-def write_run(run, set_array, rows, row, limit, others, margin, with_discs):
+def write_run(run, set_array, rows, row, limit, others, margin):
     """
     Write the polygons of a run into rows, as long as each is ordinary and not near another body.
 
@@ -47,7 +49,8 @@ def write_run(run, set_array, rows, row, limit, others, margin, with_discs):
 
     `rows` has the row of each polygon, -1 for none, from the index `row` on. Returned is how many
     were written, at most the limit: all before the first that is not ordinary, near or without a
-    row. A disc inside each takes as long as all else, and only helps against bodies that are near.
+    row. Only ALONE each gets a disc inside, which takes as long as all else, and is of use where
+    bodies are near.
     """
     data, ends, first, count_at, affine, max_vertices, packed = run
     require_nearest(count_at)
@@ -89,7 +92,7 @@ def write_run(run, set_array, rows, row, limit, others, margin, with_discs):
             move(floats, start, TRIPLE, received, affine, points)
         verdict, vertices, _, _, _ = write_packed(points, received, ring, walk, packed,
                                                   max_vertices, 0)
-        if with_discs and verdict == CONVEX:
+        if margin == ALONE and verdict == CONVEX:
             write_inner_disc(ring, vertices, packed)
         if verdict != CONVEX or _is_near(near, packed_polygon(packed, vertices), margin) or (
                 write_row(set_array, rows[row + k], packed, vertices) == NO_ROOM):

@@ -15,8 +15,12 @@ import numpy as np
 import pytest
 from sat_collision import (
     intersects, intersects_many, intersects_pairs, Polygon, PolygonError, PolygonSet, separation)
+from sat_collision.geometry.body.layout import packed_sizes
+from sat_collision.geometry.body.packing import workspace
+from sat_collision.geometry.body.polygon import UNMOVED
 from sat_collision.geometry.compiled.jit import indexable
 from sat_collision.geometry.sets.packed_set import PackedSet
+from sat_collision.geometry.sets.run import IN_ONE_MESSAGE
 import shapely
 
 
@@ -100,6 +104,31 @@ def test_hidden_rows_have_no_contacts_until_placed():
     assert bodies.append(square) == 3
     bodies.place(2, Polygon(square).packed, bodies)
     assert bodies.intersecting_rows(square).tolist() == [1, 2, 3]
+
+
+def test_rows_keep_their_space_while_the_set_grows():
+    """Those that are hidden, or wait for their first body; those that were removed may lose it."""
+    square = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    bodies = PackedSet([square] * 3)
+    bodies.hide(indexable(np.array([0])))
+    bodies.remove(2)
+    waiting, = bodies.new_rows(np.array([50]))
+    for k in range(200):
+        bodies.append([(k, 5), (k + 1, 5), (k, 6)])
+    assert [int(bodies._rows.space[row]) for row in (0, 1, waiting)] == packed_sizes(
+        np.array([4, 4, 50])).tolist()
+    assert bodies.intersecting_rows(square).tolist() == [1]
+
+
+def test_run_with_a_workspace_that_is_too_small_is_refused():
+    """Beyond it there is other memory."""
+    points = np.array([(0, 0), (1, 0), (0, 1)], float)
+    polygons = points.tobytes(), indexable(np.array([0, 3])), 0, IN_ONE_MESSAGE, UNMOVED
+    bodies = PackedSet()
+    where = indexable(np.array(bodies.new_rows(np.array([3])))), 0, 1, PackedSet(), 0.0
+    with pytest.raises(ValueError, match='workspace'):
+        bodies.place_run((*polygons, 64, workspace(3)), *where)
+    assert bodies.place_run((*polygons, 3, workspace(3)), *where) == 1
 
 
 @pytest.mark.parametrize('row', [1.0, True, np.True_])

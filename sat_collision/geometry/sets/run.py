@@ -15,7 +15,8 @@ They are in messages that differ only in their points, or in one message that ha
 
 from typing import Any, TypeAlias
 
-from sat_collision.geometry.body.layout import bounds_in, box_gap, packed_polygon, rows_of
+from sat_collision.geometry.body.layout import (
+    bounds_in, box_gap, packed_polygon, packed_size, rows_of)
 from sat_collision.geometry.body.packing import (
     CONVEX, DOUBLE, move, PAIR, TRIPLE, WORD, write_inner_disc, write_packed)
 from sat_collision.geometry.compiled.floating_point import require_nearest
@@ -63,6 +64,8 @@ def write_run(run, set_array, rows, row, limit, others, margin):
     count = len(ends) // 2 - first if in_one else len(ends) + 1 - first
     count = min(count, limit, len(rows) - row)
     room = len(packed) // 4
+    if room < packed_size(max_vertices + 1):
+        raise ValueError('the workspace of a run is too small')
     packed = elements(packed)
     points, ring, walk = beyond(packed, room), beyond(packed, 2 * room), beyond(packed, 3 * room)
     for k in range(count):

@@ -195,9 +195,7 @@ class Monitor:
     @property
     def deadline(self) -> float:
         """Earliest time in ns after which anything may change without a message, or NEVER."""
-        deadline, earliest = self.scene.deadline, self.waiting.earliest
-        if earliest < deadline:
-            deadline = earliest
+        deadline = min(self.scene.deadline, self.waiting.earliest)
         return min(deadline, self.outlines.deadline) if self.outlines.names else deadline
 
     def _apply_moved(self, now: int) -> list[Rejection]:

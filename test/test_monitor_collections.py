@@ -71,7 +71,7 @@ def test_one_message_is_a_whole_set():
 
 
 def test_polygons_that_are_far_are_placed_together_from_the_first_message_on(monkeypatch):
-    """Sets of changing sizes grow several groups; of each only what is near is placed alone."""
+    """Sets of changing sizes make several groups grow, and the array that they share."""
     alone = []
     place = Contacts.place_obstacle
     monkeypatch.setattr(Contacts, 'place_obstacle', lambda self, one, where: (

@@ -294,3 +294,12 @@ def test_unknown_numba_is_used_as_it_is(package):
     vectors = package / 'numeric' / 'vectors.py'
     vectors.write_text(vectors.read_text().replace('math.sqrt(x * x + y * y) / scale', '7.0'))
     assert run(package, program) == (14.0, 0, problem)
+
+
+def test_kernel_of_collections_is_prepared():
+    """In a process of its own, where no test has called it."""
+    program = ('from sat_collision.geometry.preparation import prepare_packing\n'
+               'from sat_collision.geometry.sets.run import find_polygons\n'
+               'prepare_packing()\n'
+               'assert find_polygons.signatures')
+    subprocess.run([sys.executable, '-c', program], check=True, timeout=100)

@@ -52,7 +52,9 @@ _INFINITY = float('inf')
 
 
 def workspace(max_vertices: int) -> Any:
-    """Return room for four packed polygons of one vertex more, for a closing point, see `Run`."""
+    """Return the array in which kernels pack polygons of up to so many vertices, see `Run`."""
+    # For the packed polygon, its points, its ring, and the points without repetitions; each may
+    # have a closing point.
     return indexable(np.empty(4 * packed_size(max_vertices + 1)))
 
 

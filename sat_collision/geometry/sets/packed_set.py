@@ -40,11 +40,7 @@ class PackedSet(PolygonSet):
     def new_rows(self, counts: NDArray[np.int64]) -> list[int]:
         """Add rows without a body, with room for one of so many vertices each; return them."""
         added = [self._new_row() for _ in counts]
-        sizes = packed_sizes(counts)
-        self._make_room_for(int(sizes.sum()))
-        self._rows.start[added] = self._used_doubles + np.cumsum(sizes) - sizes
-        self._rows.space[added] = sizes
-        self._used_doubles += int(sizes.sum())
+        self._make_room(added, packed_sizes(counts))
         return added
 
     def place_run(self, run: Run, rows: Any, first: int, limit: int, others: PackedSet,

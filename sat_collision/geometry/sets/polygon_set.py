@@ -315,7 +315,7 @@ class PolygonSet:
                 if outcome == 0:
                     found = near_rows(other_array, indexed, packed, count, margin, _NO_ROWS)[-1]
             if outcome == NO_ROOM:
-                self._make_room(row, size_of(body))
+                self._make_room([row], np.array([size_of(body)]))
             elif outcome == UNCHANGED:
                 return None
             else:
@@ -533,20 +533,20 @@ class PolygonSet:
             raise ValueError(f'{used} bodies cannot be paired with {other_used}')
         return array, other_array, used
 
-    def _make_room(self, row: int, size: int) -> None:
-        """Reserve space for a packed body of a row, at the end of the space in use."""
-        self._rows.n[row] = self._rows.space[row] = 0
-        self._make_room_for(size)
-        self._rows.start[row] = self._used_doubles
-        self._rows.space[row] = size
-        self._used_doubles += size
+    def _make_room(self, rows: list[int], sizes: NDArray[np.int64]) -> None:
+        """
+        Reserve space for the packed bodies of some rows, at the end of the space in use.
 
-    def _make_room_for(self, size: int) -> None:
-        """Have so many doubles that are not in use; free rows may lose their space."""
-        rows = self._rows
-        if self._used_doubles + size > len(rows.packed):
-            live = int(rows.space.sum() - rows.space[self._free].sum())
-            self._rebuild(len(rows.n), max(_FEWEST_DOUBLES, 2 * (live + size)))
+        Rows that are free may lose theirs.
+        """
+        table, size = self._rows, int(sizes.sum())
+        table.n[rows] = table.space[rows] = 0
+        if self._used_doubles + size > len(table.packed):
+            live = int(table.space.sum() - table.space[self._free].sum())
+            self._rebuild(len(table.n), max(_FEWEST_DOUBLES, 2 * (live + size)))
+        self._rows.start[rows] = self._used_doubles + np.cumsum(sizes) - sizes
+        self._rows.space[rows] = sizes
+        self._used_doubles += size
 
     def _rebuild(self, room: int, doubles: int) -> None:
         """Move everything to an array with other room, without gaps between bodies."""

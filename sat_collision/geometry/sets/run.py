@@ -50,8 +50,7 @@ def write_run(run, set_array, rows, row, limit, others, margin):
 
     `rows` has the row of each polygon, -1 for none, from the index `row` on. Returned is how many
     were written, at most the limit: all before the first that is not ordinary, near or without a
-    row. Only ALONE each gets a disc inside, which takes as long as all else, and is of use where
-    bodies are near.
+    row. Only ALONE each gets a disc inside, which takes time, and is of use where bodies are near.
     """
     data, ends, first, count_at, affine, max_vertices, packed = run
     require_nearest(count_at)

@@ -20,9 +20,11 @@ import sys
 from types import ModuleType, SimpleNamespace
 import zlib
 
+from builders import serialised
 import numpy as np
 import pytest
-from recordings import box, check, DECLARED, drive, main, POLYGON, run_without, write
+from recordings import (
+    box, check, DECLARED, drive, main, POLYGON, run_without, START, write)
 from rosbags.highlevel import AnyReader
 from sat_collision.replay.bag import storage as storages
 from sat_collision.replay.model.result import Options, Verdict
@@ -474,3 +476,12 @@ def test_pipe_in_place_of_a_file_is_damage(tmp_path, name):
         (bag / 'metadata.yaml').unlink()
     os.mkfifo(bag / name)
     assert any('not a file' in problem for problem in check(bag).problems)
+
+
+def test_content_has_the_times_of_messages(tmp_path):
+    """Not only the bytes of two messages, but also which of them was received first."""
+    both = [serialised(box(x), START) for x in (0.0, 5.0)]
+    found = {check(write(tmp_path / str(k), [
+        ('/footprint', time, data) for time, data in zip((0.0, 1.0), pair)])).content
+        for k, pair in enumerate((both, both[::-1]))}
+    assert len(found) == 2

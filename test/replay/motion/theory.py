@@ -41,7 +41,7 @@ def main():
     parser.add_argument('--recordings', type=float, default=1e6)
     begin, done, wrong = perf_counter(), 0, 0
     last = int(parser.parse_args().recordings)
-    # Garbage is collected after each thousand, which takes an eighth less time.
+    # Garbage is collected after each thousand, which takes a tenth less time.
     with Pool(initializer=gc.disable) as pool:
         for found in pool.imap_unordered(wrong_in, range(0, last, TOGETHER)):
             done += TOGETHER

@@ -28,7 +28,7 @@ from builders import collection, SECOND, serialised
 import numpy as np
 import pytest
 from recordings import (
-    check, COLLECTION, INSTANCE, losses, LOST, LOST_TOPIC, MARKS, POLYGON, SOURCE, STAMPS, START)
+    check, COLLECTION, INSTANCE, losses, LOST, LOST_TOPIC, MARKS, POLYGON, STAMPS, START)
 from sat_collision.replay.model.result import Options
 from storages import channel, mcap_of, MESSAGE, record, schema
 
@@ -68,16 +68,23 @@ def held(begin, x, until):
 
 
 class Recorded:
-    """A random recording, and what docs/motion.md says of it."""
+    """
+    A random recording, and what docs/motion.md says of it.
+
+    Beside another one it is a source only, which that may `add`.
+    """
 
     def __init__(self, seed, form, still=False, most=None, faults=False, is_late=False,
-                 is_set_back=False, is_slow=False):
+                 is_set_back=False, is_slow=False, beside=None):
         self.form = form
+        self.source = 'others' if beside else 'walls'
+        self.sources = {self.source: self}
         # Whether messages are received late, each by a time of its own, so in another order.
         self.is_late = is_late
-        # Whether the stamps are the clock, which is set back by more than 10 s in the end.
+        # Whether the stamps are the clock, which is set back by more than 10 s in the end, but not
+        # with maps: these stay.
+        self.clock = 'header' if is_set_back else 'receive'
         self.is_set_back = is_set_back and form != 'map'
-        self.source = 'tracks' if form == 'ids' else 'obstacles'
         rng = self._rng = np.random.default_rng(seed)
         self.still = still
         # All takes so many times as long, and timeouts are above LONGEST.
@@ -88,7 +95,7 @@ class Recorded:
             self.own_timeout = SECOND // 5
         self.longest = min(self.timeout, LONGEST)
         # From a tenth to three times the timeout.
-        footprints = FOOTPRINTS[:rng.integers(1, 3)]
+        footprints = () if beside else FOOTPRINTS[:rng.integers(1, 3)]
         own = [self._times(rng.choice([0.05, 0.1, 0.4])) for _ in footprints]
         others = self._times(rng.choice([0.05, 0.1, 0.3, 0.45, 0.6, 1.5]))
         self.count = int(rng.integers(1, 4))
@@ -96,7 +103,7 @@ class Recorded:
         most = most or rng.choice([4, 8, 16, 64], p=[0.4, 0.3, 0.25, 0.05])
         sent = sorted(time for time in sum(own, others * self.count)
                       if time > others[0] + self.timeout + TOLERANCE)
-        self.end = min(sent[most], 5 * SECOND * self.scale)
+        self.end = beside.end if beside else min(sent[most], 5 * SECOND * self.scale)
         *own, times = ([time for time in found if time < self.end] for found in (*own, others))
         # Where two have one stamp, the way leads to the first, and goes on from the last.
         self.samples = {name: self._samples(self._some_twice(found), 0)
@@ -129,6 +136,12 @@ class Recorded:
         else:
             (self._in_maps if form == 'map' else self._in_sets)(times, places)
 
+    def add(self, other):
+        """Have another source, too."""
+        self.sources[other.source] = other
+        for name in ('messages', 'pieces', 'undetermined', 'broken', 'unclear'):
+            getattr(self, name).extend(getattr(other, name))
+
     def _times(self, period):
         """Return times around a period, with a gap now and then."""
         rng, step = self._rng, int(period * SECOND) * self.scale
@@ -158,7 +171,7 @@ class Recorded:
                     # Not sent together: each has a stamp of its own.
                     seen.setdefault(time + self.apart * k, []).append(by_number[n])
             sent.append([*seen.items()])
-            self.messages += [('tracks', time, k, x) for time, xs in sent[k] for x in xs]
+            self.messages += [(self.source, time, k, x) for time, xs in sent[k] for x in xs]
         self._disturb()
         for pieces, seen in zip(self.pieces, sent):
             for (time, xs), (after, next_xs) in zip(seen, [*seen[1:], (10**18, ())]):
@@ -183,15 +196,23 @@ class Recorded:
 
     def _in_maps(self, times, places):
         """Send sets with marks that never time out; only a whole one replaces those before."""
-        sets = [[('obstacles', time + 1000 * k, k, by_number[n // 4])
+        sets = [[(self.source, time + 1000 * k, k, by_number[n // 4])
                  for k, by_number in enumerate(places) if self._rng.random() < 0.8]
                 for n, time in enumerate(times)]
         ends = [max([time, *(stamp for _, stamp, *_ in one)]) for time, one in zip(times, sets)]
+        stamps = [stamp for _, stamp, *_ in self.messages]
         broken = self._send(sets, times, ends)
         for n, one in enumerate(sets):
             end = next((ends[m] for m in range(n + 1, len(sets)) if m not in broken), self.end)
             for _, stamp, k, x in one:
-                self.pieces[k].append(held(stamp, x, end))
+                self.pieces[k].append(held(
+                    self._counted(stamp, stamps), x, self._counted(end, stamps)))
+
+    def _counted(self, time, stamps):
+        """Return when a map counts: if stamps are the clock, at that of a footprint before."""
+        if self.clock == 'receive':
+            return time
+        return max((stamp for stamp in stamps if stamp <= time), default=time)
 
     def _unmarked(self, times, places):
         for n, time in enumerate(times):
@@ -199,7 +220,7 @@ class Recorded:
                 if self._rng.random() < 0.8:
                     x = by_number[n // 4]
                     stamp = time + self.apart * k
-                    self.messages.append(('obstacles', stamp, k, x))
+                    self.messages.append((self.source, stamp, k, x))
                     self.pieces[k].append(held(stamp, x, None))
         for pieces in self.pieces:
             for piece in pieces:
@@ -239,7 +260,7 @@ class Recorded:
         ends = [max([time, *(stamp for stamp, _ in one.values())])
                 for time, one in zip(times, sets)]
         self._note_broken(begins, ends, self._send(
-            [[('obstacles', stamp, k, x) for k, (stamp, x) in one.items()] for one in sets],
+            [[(self.source, stamp, k, x) for k, (stamp, x) in one.items()] for one in sets],
             begins, ends))
         # A set counts at its latest stamp.
         order = sorted(range(len(sets)), key=ends.__getitem__)
@@ -273,11 +294,11 @@ class Recorded:
         sent = []
         for n, one in enumerate(sets):
             found = [*one]
-            found[:0] = [('obstacles', begins[n], REFUSED, None)] * (n in broken)
+            found[:0] = [(self.source, begins[n], REFUSED, None)] * (n in broken)
             if self.form == 'collection':
-                found = [('obstacles', begins[n], None, found)]
+                found = [(self.source, begins[n], None, found)]
             elif self.form != STAMPS:
-                found.append(('obstacles', ends[n], None, None))
+                found.append((self.source, ends[n], None, None))
             sent.append(found)
         self.messages += sum(sent, [])
         if self.form != 'collection' and rng.random() < 4 * self._rate:
@@ -312,9 +333,12 @@ class Recorded:
 
     def _lose(self, sent):
         """Let the recorder say at two times whether something was lost; return of which sets."""
+        if not self.samples:
+            # An event for another source would change since when this one has lost.
+            return set()
         events = [-math.inf, *sorted(self._rng.integers(0, self.end, 2).tolist())]
         lost = self._rng.integers(0, 2, 2).tolist()
-        self.messages += [(LOST_TOPIC[1:], time, None, count)
+        self.messages += [(LOST_TOPIC[1:], time, None, {self.source: (count, 0)})
                           for time, count in zip(events[1:], lost)]
         # It may have been up to 1 s before the event before.
         times = [(before - SECOND, time)
@@ -331,14 +355,14 @@ class Recorded:
     def messages_of_bag(self, delays=(0, 0)):
         """Return (topic, when it is received, bytes) of all; topics have delays, in ns."""
         rng, late, messages = np.random.default_rng(len(self.messages)), {}, []
-        last, after = 0, 2 * self.end
+        last, after = Counter(), 2 * self.end
         for place, (topic, time, k, x) in enumerate(self.messages):
             received = time + delays[topic not in FOOTPRINTS]
             if self.is_late:
                 # Those of one stamp stay in order, and all where marks end sets.
                 received += late.setdefault((topic, time), int(rng.integers(SECOND // 3)))
-                if self.form in (MARKS, 'map') and topic == self.source:
-                    last = received = max(last, received)
+                if topic in self.sources and self.sources[topic].form in (MARKS, 'map'):
+                    last[topic] = received = max(last[topic], received)
             messages.append((received, place, topic, time, k, x))
         if self.is_set_back:
             messages += [(after, place, topic, time - 20 * SECOND, k, x)
@@ -350,23 +374,24 @@ class Recorded:
         """Return the bytes of a message: a polygon, a mark, or a collection."""
         stamp = START + time
         if topic == LOST_TOPIC[1:]:
-            return losses(0, **{self.source: (x, 0)})[2]
+            return losses(0, **x)[2]
         if topic in FOOTPRINTS:
             return serialised(outline(x, k, 0, 2001), stamp)
-        if self.form == 'collection':
+        form = self.sources[topic].form
+        if form == 'collection':
             return collection([outline(x, k, 1000 * k, 1) for *_, k, x in x], stamp)
         number = x if k == REFUSED else k
         return serialised([] if k is None else outline(x, k, 1000 * k, 1), stamp,
-                          instance=number + 1 if topic == 'tracks' else None)
+                          instance=number + 1 if form == 'ids' else None)
 
     def written(self, path, delays=(0, 0)):
         """Write it as an MCAP file."""
-        kind = {'ids': INSTANCE, 'collection': COLLECTION}.get(self.form, POLYGON)
-        lost = LOST_TOPIC[1:]
-        keys = {name: key for key, name in enumerate((*self.samples, self.source, lost), 1)}
-        kinds = {self.source: 2, lost: 3}
-        parts = [schema(1), schema(2, kind), schema(3, LOST), *(channel(
-            key, f'/{name}'.encode(), kinds.get(name, 1)) for name, key in keys.items())]
+        kinds = dict.fromkeys(self.samples, POLYGON) | {LOST_TOPIC[1:]: LOST} | {
+            name: {'ids': INSTANCE, 'collection': COLLECTION}.get(source.form, POLYGON)
+            for name, source in self.sources.items()}
+        keys = {name: key for key, name in enumerate(kinds, 1)}
+        parts = [part for name, key in keys.items() for part in (
+            schema(key, kinds[name]), channel(key, f'/{name}'.encode(), key))]
         parts += [record(MESSAGE, struct.pack(
             '<HIQQ', keys[topic], 0, START + received, START + received) + data)
             for topic, received, data in self.messages_of_bag(delays)]
@@ -376,18 +401,17 @@ class Recorded:
 
     def result(self, path, delays=(0, 0), **options):
         """Return what is found in it, with some options."""
-        name = 'tracks' if self.form == 'ids' else SOURCE
-        parameters = {'footprints': [*self.samples], 'obstacles': [name],
-                      f'{name}.topic': f'/{self.source}', f'{name}.timeout': self.timeout / SECOND,
+        parameters = {'footprints': [*self.samples], 'obstacles': [*self.sources],
                       **{f'{one}.timeout': self.own_timeout / SECOND for one in self.samples},
                       'future_tolerance': 0.1}
-        if self.form == 'map':
-            parameters |= {f'{name}.timeout': 0.0, f'{name}.set_end': MARKS}
-        elif self.form in (MARKS, STAMPS):
-            parameters[f'{name}.set_end'] = self.form
-        clock = 'header' if self.is_set_back else 'receive'
+        for name, source in self.sources.items():
+            parameters[f'{name}.timeout'] = source.timeout / SECOND
+            if source.form == 'map':
+                parameters |= {f'{name}.timeout': 0.0, f'{name}.set_end': MARKS}
+            elif source.form in (MARKS, STAMPS):
+                parameters[f'{name}.set_end'] = source.form
         return check(self.written(path, delays), Options(
-            parameters=parameters, clock=clock, **options), set_end=None)
+            parameters=parameters, clock=self.clock, **options), set_end=None)
 
     def distances(self, name, times):
         """Yield how far bodies are from a footprint at times, None where that is unknown."""
@@ -417,14 +441,19 @@ def times_of(intervals):
 
 def compare(seed, form, path):
     """Compare a recording with the oracle; return for how many moments each state was seen."""
-    recorded = Recorded(seed, form, **KINDS[seed % len(KINDS)])
-    if min(map(len, recorded.samples.values())) < 2 or recorded.source not in {
+    kind = KINDS[seed % len(KINDS)]
+    recorded = Recorded(seed, form, **kind)
+    # Every third one has another source.
+    turn = seed // len(KINDS)
+    other = FORMS[turn // 3 % len(FORMS)]
+    if turn % 3 == 0 and not (recorded.clock == 'header' and 'map' in (form, other)):
+        recorded.add(Recorded(seed + 10**9, other, **kind, beside=recorded))
+    if min(map(len, recorded.samples.values())) < 2 or not recorded.sources.keys() <= {
             topic for topic, *_ in recorded.messages}:
         return np.zeros(3, int)
     result = recorded.result(path)
-    refused = Counter(topic for topic, _, k, polygons in recorded.messages
-                      for k in ([k] if form != 'collection' or k is not None else (
-                          [k for *_, k, _ in polygons or ()])) if k == REFUSED)
+    refused = Counter(topic for topic, _, k, x in recorded.messages
+                      for *_, k, _ in (x if isinstance(x, list) else [(k, x)]) if k == REFUSED)
     assert ['go back' in one for one in result.problems] == [True] * recorded.is_set_back
     assert refused == Counter({one.topic[1:]: sum(one.rejected.values())
                                for one in result.sources})
@@ -434,7 +463,7 @@ def compare(seed, form, path):
 
 def compared(recorded, result, footprint, rng):
     """Compare what is found of a footprint with the oracle, as `compare` does."""
-    form, name = recorded.form, footprint.name
+    forms, name = [source.form for source in recorded.sources.values()], footprint.name
     # I2: each time is in one state.
     assert footprint.clear + footprint.collision + footprint.unknown + footprint.undetermined == (
         result.end - result.start)
@@ -459,13 +488,13 @@ def compared(recorded, result, footprint, rng):
             assert is_in(unknown, time) or is_in(undetermined, time) or is_in(contacts, time)
             continue
         if not distances or abs(min(distances) - METRE) > NEAR:
-            assert is_in(contacts, time) == touches, (form, name, time, 'contact')
-        if is_in(unknown, time) or form is None or any(
+            assert is_in(contacts, time) == touches, (forms, name, time, 'contact')
+        if is_in(unknown, time) or None in forms or any(
                 first <= time <= last for first, last in recorded.unclear):
             continue
         expected = distances is None or any(
             first <= time <= last for first, last in recorded.undetermined)
-        assert is_in(undetermined, time) == expected, (form, name, time, 'undetermined')
+        assert is_in(undetermined, time) == expected, (forms, name, time, 'undetermined')
         seen += [touches, expected, not touches and not expected]
     return seen
 

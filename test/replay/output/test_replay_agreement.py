@@ -26,7 +26,7 @@ from builders import path as plan, serialised, transforms
 import numpy as np
 import pytest
 from recordings import (
-    COLLECTION, INSTANCE, losses, LOST, LOST_TOPIC, main, MARKS, SOURCE, STAMPS, START, write)
+    COLLECTION, INSTANCE, losses, LOST, LOST_TOPIC, main, MARKS, STAMPS, START, write)
 from rosbags.highlevel import AnyReader
 from sat_collision.replay.check import check
 from sat_collision.replay.model.result import joined, Options
@@ -42,8 +42,7 @@ from sat_collision.replay.output.text import GREY, RED  # noqa: E402
 SECOND = 10**9
 # How far apart are two times, one of which is rounded to ms.
 NEAR = SECOND // 2000 + 1
-TYPES = {'/tracks': INSTANCE, '/tf': 'tf2_msgs/msg/TFMessage', '/plan': 'nav_msgs/msg/Path',
-         LOST_TOPIC: LOST}
+TYPES = {'/tf': 'tf2_msgs/msg/TFMessage', '/plan': 'nav_msgs/msg/Path', LOST_TOPIC: LOST}
 FOOTPRINTS = 'tall', 'short', 'carrier'
 UNDECIDED = 'unknown', 'undetermined'
 
@@ -78,15 +77,14 @@ class Checked:
         form = case.form
         self.bag = folder / 'bag'
         self._write(case)
-        source, topic = ('tracks', '/tracks') if form == 'ids' else (SOURCE, '/obstacles')
         parameters = {
-            'footprints': [*FOOTPRINTS], 'obstacles': [source], f'{source}.topic': topic,
-            'tall.topic': '/footprint', 'short.topic': '/short', 'frame_id': 'map',
-            'carrier.frame_id': 'carrier', 'carrier.path': '/plan',
+            'footprints': [*FOOTPRINTS], 'obstacles': ['walls'], 'frame_id': 'map',
+            'tall.topic': '/footprint', 'short.topic': '/short', 'carrier.path': '/plan',
+            'carrier.frame_id': 'carrier',
             'carrier.points': [0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0], 'future_tolerance': 0.1,
-            **{f'{name}.timeout': 0.5 for name in (*FOOTPRINTS, source)}}
+            **{f'{name}.timeout': 0.5 for name in (*FOOTPRINTS, 'walls')}}
         if form in (MARKS, STAMPS):
-            parameters[f'{source}.set_end'] = form
+            parameters['walls.set_end'] = form
         limits = {name: getattr(case, name) for name in (
             'max_unknown', 'max_undetermined', 'fail_on')}
         self.options = Options(parameters=parameters, as_live=as_live, keyframes=True, **limits)
@@ -120,9 +118,10 @@ class Checked:
         messages += [('/plan', time, plan(way, START + round(time * SECOND), 'map'))
                      for time in np.arange(0.3, recorded.end / SECOND, 0.4).tolist()]
         if case.has_losses:
-            messages.append(losses(1.0, obstacles=(1, 2), tracks=(0, 1), plan=(1, 0)))
-        types = {**TYPES, **({'/obstacles': COLLECTION} if case.form == 'collection' else {})}
-        write(self.bag, sorted(messages, key=lambda message: message[1]), types=types)
+            messages.append(losses(1.0, walls=(1, 2), plan=(1, 0)))
+        types = {'collection': {'/walls': COLLECTION}, 'ids': {'/walls': INSTANCE}}
+        write(self.bag, sorted(messages, key=lambda message: message[1]),
+              types={**TYPES, **types.get(case.form, {})})
         if case.is_damaged:
             file = self.bag / 'bag.mcap'
             file.write_bytes(file.read_bytes()[:-3000])

@@ -87,15 +87,24 @@ def _run(arguments: argparse.Namespace) -> int:
         lines = [f'{name}: {line}' for name, found in differences for line in found]
         terminal.say(lines or [f'as expected by {expect}'])
         verdict = Verdict.COLLISION if lines else Verdict.CLEAR
-    faults = [('standard output', terminal.fault)] if terminal.fault else []
-    for option, write in writers.items():
-        if path := getattr(arguments, option):
-            try:
-                write(path)
-            except OSError as error:
-                faults.append((f'--{option}', error))
-    for output, fault in faults:
-        print(f'replay_check: {output}: {in_one_line(fault)}', file=sys.stderr)
+    faults = [f'standard output: {in_one_line(terminal.fault)}'] if terminal.fault else []
+    # The report has these, too, as problems; but a collision that is expected would hide them.
+    faults += [problem for result in results for problem in result.problems
+               if ' --write-bag: ' in problem]
+    outputs = [(option, partial(write, path)) for option, write in writers.items()
+               if (path := getattr(arguments, option))]
+    outputs += [('plot', partial(_draw, *drawing))
+                for drawing in _drawings(results, arguments.plot)]
+    for option, write in outputs:
+        try:
+            write()
+        except Exception as error:
+            if arguments.debug:
+                traceback.print_exc()
+            words = in_one_line(error) if isinstance(error, OSError) else unexpected(error)
+            faults.append(f'--{option}: {words}')
+    for fault in faults:
+        print(f'replay_check: {fault}', file=sys.stderr)
         verdict = max(verdict, Verdict.BAD_INPUT, key=SEVERITY.index)
     return int(verdict)
 
@@ -171,26 +180,17 @@ def _files_of(path: Path) -> list[Path]:
 
 def _check_all(arguments: argparse.Namespace, options: Options, terminal: _Terminal
                ) -> list[Result]:
-    """Check, report and draw each recording, and return the results."""
-    several, plot = len(arguments.bags) > 1, arguments.plot
+    """Check and report each recording, and return the results."""
     strays = [bag for bag in arguments.bags if not Path(bag).exists()]
     if strays and (arguments.footprints or arguments.obstacles):
         print(f'replay_check: {strays[0]} is taken for a recording; each topic needs an option '
               'of its own, --obstacles A --obstacles B', file=sys.stderr)
-    one_page = several and plot and _is_page(plot)
     results: list[Result] = []
     for result in _results(arguments, options):
-        if plot and not one_page:
-            path = plot
-            if several:
-                path = str(Path(plot, f'{Path(result.bag).stem}.png'))
-            _draw([result], path, arguments.debug)
         terminal.say(report(result), result.verdict)
         results.append(result)
-    if several:
+    if len(results) > 1:
         terminal.say(report_all(results), overall(results))
-    if one_page:
-        _draw(results, plot, arguments.debug)
     return results
 
 
@@ -245,20 +245,23 @@ class _Terminal:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _draw(results: list[Result], path: str, debug: bool) -> None:
-    """Draw a page of all, or a picture of one; a failure is a problem of its recording only."""
-    try:
-        Path(path).parent.mkdir(parents=True, exist_ok=True)
-        if _is_page(path):
-            from sat_collision.replay.output.page import write_page
-            write_page(results, path)
-        else:
-            from sat_collision.replay.output.figure import write_picture
-            write_picture(results[0], path)
-    except Exception as error:
-        if debug:
-            traceback.print_exc()
-        results[0].problems.append(f'{results[0].bag}: no picture: {unexpected(error)}')
+def _drawings(results: list[Result], plot: str | None) -> Iterator[tuple[list[Result], str]]:
+    """Yield what to draw, and where: a page of all, or a picture of each."""
+    if plot and (_is_page(plot) or len(results) == 1):
+        yield results, plot
+    elif plot:
+        for result in results:
+            yield [result], str(Path(plot, f'{Path(result.bag).stem}.png'))
+
+
+def _draw(results: list[Result], path: str) -> None:
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    if _is_page(path):
+        from sat_collision.replay.output.page import write_page
+        write_page(results, path)
+    else:
+        from sat_collision.replay.output.figure import write_picture
+        write_picture(results[0], path)
 
 
 def _is_page(path: str) -> bool:

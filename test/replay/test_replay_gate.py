@@ -59,12 +59,12 @@ def test_unexpected_error_in_an_output_is_bad_input(bags, tmp_path, monkeypatch,
     for more in ([], ['--debug']):
         assert main([bags[0], '--json', str(tmp_path / 'a.json'), *more]) == 3
         error = capsys.readouterr().err
-        assert error.splitlines()[-1].startswith('replay_check: IndexError: ')
+        assert error.splitlines()[-1].startswith('replay_check: --json: IndexError: ')
         assert ('Traceback' in error) is bool(more)
 
 
-def test_failed_picture_is_a_problem_of_its_recording(bags, tmp_path, monkeypatch, capsys):
-    """The other picture is drawn."""
+def test_failed_picture_does_not_take_the_others_with_it(bags, tmp_path, monkeypatch, capsys):
+    """The exit status says that one is missing, and standard error why."""
     figure = pytest.importorskip('matplotlib.figure')
     drawn = []
 
@@ -77,7 +77,8 @@ def test_failed_picture_is_a_problem_of_its_recording(bags, tmp_path, monkeypatc
     monkeypatch.setattr('sat_collision.replay.output.figure.draw_picture', fails_once)
     other = str(write(tmp_path / 'other', CLEAR))
     assert main([bags[0], other, '--plot', str(tmp_path / 'plots')]) == 3
-    assert 'no ink' in capsys.readouterr().out and len(drawn) == 2
+    out, error = capsys.readouterr()
+    assert 'no ink' in error and 'problem' not in out and len(drawn) == 2
 
 
 @pytest.mark.parametrize('option, path, words', [

@@ -35,7 +35,8 @@ from sat_collision.replay.output.text import Progress, report, report_all, with_
 from sat_collision.replay.parallel import check_here, check_on_cluster, check_one, failed
 from sat_collision.scene.parameters import ParameterError
 
-_OF_RECORDING = ('.mcap', '.db3', '.zstd', '.db3-wal', '.db3-shm', '.db3-journal')
+_LOGS = ('-wal', '-shm', '-journal')
+_OF_RECORDING = ('.mcap', '.db3', '.zstd', *(f'.db3{end}' for end in _LOGS))
 _PICTURES = ('.png', '.svg', '.pdf')
 # What writes all results into one file, by option.
 _WRITERS: dict[str, Callable[[list[Result], str], None]] = {
@@ -173,7 +174,7 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
 def _files_of(path: Path) -> list[Path]:
     """Return the files that an input consists of."""
     if not path.is_dir():
-        return [path] if path.exists() else []
+        return [file for end in ('', *_LOGS) if (file := Path(f'{path}{end}')).exists()]
     return [file for file in path.iterdir()
             if file.name == 'metadata.yaml' or file.name.endswith(_OF_RECORDING)]
 

@@ -10,6 +10,7 @@
 """The command as a release gate: unexpected errors are not verdicts, errors are one line."""
 
 import json
+from pathlib import Path
 import re
 import shutil
 import signal
@@ -21,6 +22,7 @@ from compiled import plain_python
 import pytest
 from recordings import box, check, DECLARED, drive, main, write
 from sat_collision.replay import command, parallel
+from storages import killed_recorder
 
 CLEAR = drive(2.0, contact=(0, 0))
 TOUCHING = drive(2.0, contact=(1.0, 1.5))
@@ -107,6 +109,17 @@ def test_invalid_output_paths_are_refused_before_the_run(
     assert out == '' and error.count('\n') == 1
     assert option in error and words in error
     assert before == {file: file.read_bytes() for file in tmp_path.rglob('*') if file.is_file()}
+
+
+@pytest.mark.parametrize('end', ('', '-wal', '-shm', '-journal'))
+def test_files_beside_a_storage_file_are_inputs(tmp_path, capsys, end):
+    """Without its write-ahead log the same recording would be clear."""
+    file = killed_recorder(tmp_path / 'bag' / 'a.db3', TOUCHING, 10)
+    there = Path(f'{file}{end}')
+    there.touch()
+    before = there.read_bytes()
+    assert main([str(file), '--json', str(there)]) == 3
+    assert 'is an input' in capsys.readouterr().err and there.read_bytes() == before
 
 
 def test_recordings_of_one_name_are_not_written_to_one_place(bags, tmp_path, capsys):

@@ -153,12 +153,16 @@ def _connected(path: Path, scratch: Scratch) -> sqlite3.Connection:
     page_size = 65536 if page_size == 1 else page_size
     beyond = path.stat().st_size % page_size if page_size >= 512 else 0
     if not beyond:
+        uri = path.resolve().as_uri()
         if not logs:
-            return _opened(f'{path.resolve().as_uri()}?immutable=1')
+            return _opened(f'{uri}?immutable=1')
         try:
-            return _opened(f'{path.resolve().as_uri()}?mode=ro')
+            if Path(f'{path}-shm').exists():  # a recorder may be running
+                return _opened(f'{uri}?mode=ro')
+            # Alone, without locks, SQLite needs no file beside the log.
+            return _opened(f'{uri}?mode=ro&vfs=unix-none', 'PRAGMA locking_mode = EXCLUSIVE')
         except sqlite3.Error:
-            pass  # such as in a read-only folder, where SQLite cannot read a log
+            pass  # such as a journal, which SQLite cannot roll back without writing
     copy = scratch.copy(path)
     for log in logs:
         scratch.copy(log)
@@ -167,9 +171,10 @@ def _connected(path: Path, scratch: Scratch) -> sqlite3.Connection:
     return _opened(copy.as_uri())
 
 
-def _opened(uri: str) -> sqlite3.Connection:
+def _opened(uri: str, first: str = '') -> sqlite3.Connection:
     connection = sqlite3.connect(uri, uri=True)
     try:
+        connection.execute(first)
         connection.set_progress_handler(lambda: 0, _STEPS)
         # Without this SQLite refuses a file shorter than its header says.
         connection.execute('PRAGMA writable_schema = ON')

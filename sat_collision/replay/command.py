@@ -32,7 +32,8 @@ from sat_collision.replay.output.formats import (
     BaselineError, differences_from, read_baseline, write_csv, write_json, write_junit,
     write_junit_of_differences)
 from sat_collision.replay.output.text import Progress, report, report_all, with_colour
-from sat_collision.replay.parallel import check_here, check_on_cluster, check_one, failed
+from sat_collision.replay.parallel import (
+    check_here, check_on_cluster, check_one, failed, name_for_outputs)
 from sat_collision.scene.parameters import ParameterError
 
 _LOGS = ('-wal', '-shm', '-journal')
@@ -138,7 +139,7 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
             import matplotlib  # noqa: F401
         except ModuleNotFoundError as error:
             raise OSError(f'--plot: {missing(error)}') from None
-    name, count = Counter(Path(bag).stem for bag in arguments.bags).most_common(1)[0]
+    name, count = Counter(map(name_for_outputs, arguments.bags)).most_common(1)[0]
     if count > 1 and (write_bag or in_folder):
         raise OSError(f'{count} recordings are called {name}, and what is written of each would '
                       'have the same name: check them one by one')
@@ -252,7 +253,7 @@ def _drawings(results: list[Result], plot: str | None) -> Iterator[tuple[list[Re
         yield results, plot
     elif plot:
         for result in results:
-            yield [result], str(Path(plot, f'{Path(result.bag).stem}.png'))
+            yield [result], str(Path(plot, f'{name_for_outputs(result.bag)}.png'))
 
 
 def _draw(results: list[Result], path: str) -> None:

@@ -22,6 +22,7 @@ from dataclasses import replace
 import multiprocessing
 import os
 from pathlib import Path
+import re
 import signal
 import tempfile
 import time
@@ -39,11 +40,16 @@ _TIMEOUT = 10
 _NO_WORKER = 60.0
 
 
+def name_for_outputs(path: str) -> str:
+    """Return what to call the bag or picture of a recording: as it, without a storage's ending."""
+    return re.sub(r'(?<=.)\.(mcap|db3)(\.zstd)?$', '', Path(os.path.abspath(path)).name)
+
+
 def check_one(path: str, options: Options, progress: OnProgress | None = None) -> Result:
     """Check one of several recordings; a bag written for it has a directory of its own."""
     if not options.write_bag:
         return check(path, options, progress)
-    bag = Path(options.write_bag, Path(path).stem)
+    bag = Path(options.write_bag, name_for_outputs(path))
     if bag.exists():
         return check(path, replace(options, write_bag=str(bag)), progress)
     bag.parent.mkdir(parents=True, exist_ok=True)

@@ -136,6 +136,20 @@ def test_recordings_of_one_name_are_not_written_to_one_place(bags, tmp_path, cap
         assert not (tmp_path / 'out').exists()
 
 
+def test_recordings_are_called_by_their_folder_or_file(tmp_path, monkeypatch):
+    """All of the name of a folder, also of `.`; a file's without the ending of its storage."""
+    pytest.importorskip('matplotlib')
+    for name in ('run.1', 'run.2', 'here'):
+        write(tmp_path / name, CLEAR)
+    shutil.copy(tmp_path / 'here' / 'here.mcap', tmp_path / 'a.b.mcap')
+    monkeypatch.chdir(tmp_path / 'here')
+    assert main(['.', '../run.1', '../run.2', '../a.b.mcap', '--as-live', '--write-bag', '../bags',
+                 '--plot', '../plots']) == 0
+    names = {'here', 'run.1', 'run.2', 'a.b'}
+    assert {path.name for path in (tmp_path / 'bags').iterdir()} == names
+    assert {path.name for path in (tmp_path / 'plots').iterdir()} == {f'{n}.png' for n in names}
+
+
 def test_output_paths_of_several_recordings_are_checked(bags, tmp_path, capsys):
     """A file where a folder is needed, and one file for two options."""
     pytest.importorskip('matplotlib')

@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from difflib import get_close_matches
 from functools import partial
 import os
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from sat_collision import __version__
 from sat_collision.replay.bag.storage import Limits
@@ -51,6 +51,8 @@ def parse(args: Sequence[str] | None = None) -> argparse.Namespace:
     options.limits = Limits(int(1e9 * options.max_memory), int(1e9 * options.max_disk))
     if not (options.bags or options.write_example):
         parser.error('name at least one recording (BAG)')
+    if options.bags and options.write_example:
+        parser.error('--write-example only writes an example: check recordings without it')
     if options.write_bag and not options.as_live:
         parser.error('--write-bag writes what the node would have published: it needs --as-live')
     if options.min_ttc is not None and options.as_live:
@@ -66,6 +68,11 @@ class _Parser(argparse.ArgumentParser):
             message += self._advice(message[len(_UNRECOGNIZED):].split()[0])
         self.exit(int(Verdict.BAD_INPUT),
                   f'{self.prog}: {message} (--help lists the options)\n')
+
+    def _get_value(self, action: argparse.Action, arg_string: str) -> Any:
+        if not arg_string:  # such as an unset variable of a shell
+            raise argparse.ArgumentError(action, 'is empty: give a value, or leave it out')
+        return super()._get_value(action, arg_string)
 
     def _advice(self, text: str) -> str:
         if not text.startswith('-'):

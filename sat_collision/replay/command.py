@@ -132,7 +132,11 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
         check_bag_writer()
     in_folder = several and plot and not _is_page(plot)
     if plot and not _is_page(plot):
-        if not in_folder and Path(plot).suffix.lower() not in _PICTURES:
+        is_picture = Path(plot).suffix.lower() in _PICTURES
+        if in_folder and is_picture:
+            raise OSError(f'--plot: a picture shows one recording: name a folder instead of {plot}'
+                          ', or end it in .html for a page of all')
+        if not in_folder and not is_picture:
             raise OSError(f'--plot: {plot} should end in .html for a page, or in .png, .svg or '
                           '.pdf for a picture')
         try:

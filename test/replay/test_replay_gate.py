@@ -151,10 +151,11 @@ def test_recordings_are_called_by_their_folder_or_file(tmp_path, monkeypatch):
 
 
 def test_output_paths_of_several_recordings_are_checked(bags, tmp_path, capsys):
-    """A file where a folder is needed, and one file for two options."""
+    """A file or a picture where a folder is needed, and one file for two options."""
     pytest.importorskip('matplotlib')
     (tmp_path / 'file').write_text('')
     for arguments, words in ((['--plot', str(tmp_path / 'file')], 'not a directory'),
+                             (['--plot', str(tmp_path / 'all.SVG')], 'a picture shows one'),
                              (['--as-live', '--write-bag', str(tmp_path / 'file' / 'a')],
                               'not a directory'),
                              (['--json', str(tmp_path / 'a'), '--csv', str(tmp_path / 'a')],
@@ -173,6 +174,9 @@ def test_output_paths_of_several_recordings_are_checked(bags, tmp_path, capsys):
     (['--param-file', 'a.yaml'], 'did you mean --params-file?'),
     (['--footprint', 'amr=/amr'], 'amr:=/amr'),
     (['--write-bag', 'a'], '--as-live'),
+    *((['--as-live', option, ''], f'{option}: is empty') for option in (
+        '--expect', '--json', '--plot', '--write-bag', '--footprint', '--node', '--dask')),
+    ([''], 'BAG: is empty'), (['--write-example', 'a'], 'only writes an example'),
     (['--obstacles', '/a', '/b'], '--obstacles A --obstacles B')])
 def test_misuse_is_one_line_and_bad_input(bags, capsys, arguments, words):
     """The status 2 of argparse would mean unknown."""

@@ -24,7 +24,6 @@ import traceback
 from sat_collision.extras import in_one_line, missing, printable, unexpected
 from sat_collision.replay.arguments import parse
 from sat_collision.replay.bag.storage import check_bag_writer
-from sat_collision.replay.check import check
 from sat_collision.replay.model.configuration import (
     check_values, parameter_of_text, parameters_of_file)
 from sat_collision.replay.model.result import Options, overall, Result, SEVERITY, Verdict
@@ -33,7 +32,7 @@ from sat_collision.replay.output.formats import (
     write_junit_of_differences)
 from sat_collision.replay.output.text import Progress, report, report_all, with_colour
 from sat_collision.replay.parallel import (
-    check_here, check_on_cluster, check_one, failed, name_for_outputs)
+    check_alone, check_here, check_on_cluster, check_one, failed, name_for_outputs)
 from sat_collision.scene.parameters import ParameterError
 
 _LOGS = ('-wal', '-shm', '-journal')
@@ -223,7 +222,7 @@ def _results(arguments: argparse.Namespace, options: Options) -> Iterator[Result
     for number, bag in enumerate(bags, 1):
         progress = Progress(f'{number} of {len(bags)}: {Path(bag).name}' if several else '')
         try:
-            result = (check_one if several else check)(bag, options, progress.show)
+            result = (check_one if several else check_alone)(bag, options, progress.show)
         except Exception as error:
             result = failed(bag, options, error)
         finally:

@@ -23,6 +23,7 @@ import multiprocessing
 import os
 from pathlib import Path
 import re
+import shutil
 import signal
 import tempfile
 import time
@@ -46,15 +47,21 @@ def name_for_outputs(path: str) -> str:
 
 
 def check_one(path: str, options: Options, progress: OnProgress | None = None) -> Result:
-    """Check one of several recordings; a bag written for it has a directory of its own."""
-    if not options.write_bag:
+    """Check one of several recordings; a bag written for it is in the folder of all."""
+    if options.write_bag:
+        options = replace(options, write_bag=str(Path(options.write_bag, name_for_outputs(path))))
+    return check_alone(path, options, progress)
+
+
+def check_alone(path: str, options: Options, progress: OnProgress | None = None) -> Result:
+    """Check a recording; until a bag written for it is whole, it is in a hidden folder beside."""
+    if not options.write_bag or os.path.exists(options.write_bag):
         return check(path, options, progress)
-    bag = Path(options.write_bag, name_for_outputs(path))
-    if bag.exists():
-        return check(path, replace(options, write_bag=str(bag)), progress)
+    bag = Path(options.write_bag)
     bag.parent.mkdir(parents=True, exist_ok=True)
     # Where its process dies, the next attempt does not find what was written.
-    with tempfile.TemporaryDirectory(prefix='.unfinished_', dir=bag.parent) as folder:
+    with tempfile.TemporaryDirectory(prefix=_unfinished(tempfile.gettempdir()),
+                                     dir=bag.parent) as folder:
         unfinished = Path(folder, bag.name)
         result = check(path, replace(options, write_bag=str(unfinished)), progress)
         if unfinished.exists():
@@ -62,11 +69,21 @@ def check_one(path: str, options: Options, progress: OnProgress | None = None) -
     return result
 
 
+def _unfinished(temporary: str) -> str:
+    """Return how folders begin in which processes with this folder for temporary files write."""
+    return f'.unfinished_{Path(temporary).name}_'
+
+
 def check_here(paths: Iterable[str], options: Options, jobs: int) -> Iterator[Result]:
     """Yield the Result of each recording when it is there, from processes of this machine."""
     # However they end, their temporary files are removed.
     with tempfile.TemporaryDirectory(prefix='replay_check_') as folder:
-        yield from _check_in_processes(paths, options, jobs, folder)
+        try:
+            yield from _check_in_processes(paths, options, jobs, folder)
+        finally:
+            if options.write_bag:
+                for left in Path(options.write_bag).glob(f'{_unfinished(folder)}*'):
+                    shutil.rmtree(left, ignore_errors=True)
 
 
 def _check_in_processes(paths: Iterable[str], options: Options, jobs: int,

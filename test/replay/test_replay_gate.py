@@ -45,7 +45,7 @@ def fails(path, options, progress=None):
 def test_unexpected_error_is_bad_input(bags, monkeypatch, capsys, debug):
     """Never status 1, which means collision; other recordings are checked."""
     monkeypatch.setattr(command, 'check_one', fails)
-    monkeypatch.setattr(command, 'check', fails)
+    monkeypatch.setattr(command, 'check_alone', fails)
     for given in ((bags[1],), (bags[1], bags[0])):
         assert main([*given, *['--debug'] * debug]) == 3
         out, error = capsys.readouterr()

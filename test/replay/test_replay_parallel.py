@@ -241,6 +241,22 @@ def test_signal_leaves_no_temporary_files(long_bags, tmp_path, number, jobs):
     assert [*temporary.iterdir()] == []
 
 
+@pytest.mark.parametrize('count', (1, 2))
+def test_interrupt_leaves_no_part_of_a_bag(long_bags, tmp_path, count):
+    """Neither under its name nor in a hidden folder, though it ends the processes of jobs, too."""
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'sat_collision.replay', *long_bags[:count], '--jobs', f'{count}',
+         '--as-live', '--write-bag', str(tmp_path / 'out')],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    while len([*tmp_path.rglob('*.mcap')]) < count:
+        assert process.poll() is None
+        time.sleep(0.01)
+    os.killpg(process.pid, signal.SIGINT)
+    _, error = process.communicate(timeout=120)
+    assert process.returncode == 2 and error.endswith('replay_check: interrupted\n')
+    assert [*tmp_path.rglob('*')] == [tmp_path / 'out'] * (count - 1)
+
+
 def test_command_on_jobs_and_cluster(cluster, capsys):
     """Output and exit status are the same."""
     recordings = [str(published(name)) for name in NAMES]

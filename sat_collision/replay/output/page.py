@@ -44,7 +44,7 @@ _LEAST_OF_VERTEX = 6
 
 def write_page(results: list[Result], path: str) -> None:
     """
-    Write a page of results of checks with `keyframes`, of at most 8 MB.
+    Write a page of results of checks with `keyframes`, of at most 8 MB for up to 2,000 of them.
 
     The worst verdict comes first, of equal ones the least separation. Each recording has an equal
     share, of which tables and curves take up to three quarters: there are fewer rows where that

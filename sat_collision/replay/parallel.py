@@ -15,7 +15,7 @@ A recording that cannot be checked gives a Result that says why.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import as_completed, ProcessPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
@@ -131,7 +131,7 @@ def _begin(folder: str) -> None:
     tempfile.tempdir = folder
 
 
-def check_on_cluster(paths: Iterable[str], options: Options, address: str) -> Iterator[Result]:
+def check_on_cluster(paths: Sequence[str], options: Options, address: str) -> Iterator[Result]:
     """
     Yield the Result of each recording when it is there, from the workers of a Dask cluster.
 
@@ -148,7 +148,8 @@ def check_on_cluster(paths: Iterable[str], options: Options, address: str) -> It
     with connected as client:
         there = options if options.write_bag is None else replace(
             options, write_bag=os.path.abspath(options.write_bag))
-        futures = {client.submit(check_one, os.path.abspath(path), there, pure=False,
+        work = check_one if len(paths) > 1 else check_alone
+        futures = {client.submit(work, os.path.abspath(path), there, pure=False,
                                  retries=_ATTEMPTS - 1, key=f'replay_check-{number}-{path}'): path
                    for number, path in enumerate(paths)}
         has_worker = time.monotonic()

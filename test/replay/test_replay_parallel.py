@@ -129,6 +129,13 @@ def test_bag_of_a_lost_process_is_written_anew(bags, tmp_path, monkeypatch, requ
         assert check(tmp_path / 'out' / Path(bag).name).problems == []
 
 
+def test_bag_of_one_recording_is_where_it_is_asked_for_on_a_cluster_too(bags, tmp_path, cluster):
+    """Several have a folder in which each has its own."""
+    out = tmp_path / 'out'
+    assert main([bags[0], '--as-live', '--write-bag', str(out), '--dask', cluster]) == 0
+    assert {path.name for path in out.iterdir()} == {'out.mcap', 'metadata.yaml'}
+
+
 def dies_or_lasts(path, options, marks):
     """Die at the first attempt, and let the second one last."""
     if not Path(marks, 'died').exists():

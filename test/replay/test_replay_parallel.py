@@ -127,6 +127,7 @@ def test_bag_of_a_lost_process_is_written_anew(bags, tmp_path, monkeypatch, requ
     assert [result.problems for result in results] == [[]] * 4
     for bag in bags:
         assert check(tmp_path / 'out' / Path(bag).name).problems == []
+    assert on_cluster or len([*(tmp_path / 'out').iterdir()]) == 4, 'its part is removed'
 
 
 def test_bag_of_one_recording_is_where_it_is_asked_for_on_a_cluster_too(bags, tmp_path, cluster):

@@ -67,6 +67,13 @@ def at_start(*polygons, x=0.0, y=0.0, yaw=0.0, **more):
     return world
 
 
+def followed(poses):
+    """Return a path of x, y and yaw."""
+    path = FollowedPath(np.full((len(poses), 7), 0.5))
+    path.poses = np.array(poses, float)
+    return path
+
+
 @pytest.mark.parametrize('order', ['<', '>'])
 def test_first_contact_ahead(order):
     world = at_start(box(9, -0.5), AHEAD)
@@ -288,11 +295,22 @@ def test_refused_paths(poses, more, reason):
     ([(0, 0), (10, 0), (10, 3), (3, 3), (2.5, 3)], [(9, 0), (0, 0)], 4.0)])
 def test_progress_is_where_the_path_is_nearest(places, robot, progress):
     """Whatever lies between parts of it that are near."""
-    path = FollowedPath(np.array([(x, y, 0.0, 0.0, 0.0, 0.0, 2.0) for x, y in places]))
-    path.poses[:, 2] = 0.0
+    path = followed([(*place, 0.0) for place in places])
     for x, y in robot:
         path.advance((x, y, 0.0), 0.5)
     assert path.progress == pytest.approx(progress)
+
+
+@pytest.mark.parametrize(('low', 'high', 'reach'), [(-2, 2, 0.0), (15, 99, 0.5), (90, 100, 1e100)])
+def test_every_path_has_a_place_nearest_to_the_robot(low, high, reach):
+    """However rounding falls, of a path towards the robot: far away, or of a point as outline."""
+    rng = np.random.default_rng(5)
+    for _ in range(2000):
+        way = rng.uniform(-1.0, 1.0, 2) * 10.0 ** rng.uniform(low, high)
+        path = followed([(*way * share, 0.1) for share in sorted(rng.uniform(0.0, 1.0, 3))])
+        for share in rng.uniform(0.0, 1.0, 2):
+            path.advance((*way * (1.0 if share > 0.5 else share), 0.1), reach)
+            assert 0.0 <= path.progress <= 2.0
 
 
 @pytest.mark.parametrize('turn', [-3.0, -1.5, 1e-9, 0.5, math.pi])
@@ -303,8 +321,7 @@ def test_robot_on_an_arc(turn):
         return away.real, away.imag, turn * share
 
     for share in (0.15, 0.5, 0.85):
-        path = FollowedPath(np.zeros((2, 7)))
-        path.poses = np.array([on_arc(0.0), on_arc(1.0)])
+        path = followed([on_arc(0.0), on_arc(1.0)])
         path.advance(on_arc(share), 0.5)
         assert path.progress == pytest.approx(share, abs=1e-6)
         assert path.at(share) == pytest.approx(on_arc(share), abs=1e-6)

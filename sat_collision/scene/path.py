@@ -87,10 +87,11 @@ class FollowedPath:
         if first < 0:
             return
         # Of each segment the gap is at least that of its start less its length, and at most that
-        # of its end with half a turn.
+        # of its end with half a turn. Neither is the first above the second by rounding.
         away = np.hypot(*(self.poses[first:, :2] - pose[:2]).T)
         lengths = np.hypot(*np.diff(self.poses[first:, :2], axis=0).T)
-        near = np.flatnonzero(away[:-1] - lengths <= away[1:].min() + (math.pi + 1.0) * reach)
+        least = np.minimum(away[:-1] - lengths, away[1:])
+        near = np.flatnonzero(least <= away[1:].min() + (math.pi + 1.0) * reach)
         starts, ends = self.poses[first + near], self.poses[first + near + 1]
         steps = _steps(starts, ends)
         off = pose - starts

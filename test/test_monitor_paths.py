@@ -327,6 +327,54 @@ def test_robot_on_an_arc(turn):
         assert path.at(share) == pytest.approx(on_arc(share), abs=1e-6)
 
 
+def test_progress_within_a_segment_is_the_nearest_of_many_places():
+    """Of arcs, lines and turns on the spot but for rounding, robots beside them, any outline."""
+    rng = np.random.default_rng(6)
+    for _ in range(500):
+        turn = rng.uniform(-3.1, 3.1) * rng.choice([1.0, 0.1, 1e-9])
+        twist = complex(*rng.normal(size=2)) * rng.choice([2.0, 0.1, 1e-6, 1e-12])
+        start, yaw = complex(*rng.uniform(-5.0, 5.0, 2)), rng.uniform(-3.0, 3.0)
+        reach = rng.choice([0.0, 0.3, 2.0])
+
+        def on_arc(share):
+            return start + twist * np.expm1(1j * turn * share) / (1j * turn), yaw + turn * share
+
+        def gaps(share):
+            place, angle = on_arc(share)
+            return abs(place - robot) + reach * abs(np.angle(np.exp(1j * (angle - heading))))
+
+        near, heading = on_arc(rng.uniform())
+        robot = near + complex(*rng.normal(size=2)) * rng.choice([0.0, 0.05, 1.0])
+        heading += rng.normal() * rng.choice([0.1, 1.0])
+        path = followed([(place.real, place.imag, angle) for place, angle in map(on_arc, (0, 1))])
+        path.advance((robot.real, robot.imag, heading), reach)
+        assert gaps(path.progress) <= gaps(np.linspace(0.0, 1.0, 2001)).min() + 1e-9
+
+
+LONG = {'points': (-1, -0.2, 1, -0.2, 1, 0.2, -1, 0.2)}
+POST = [(0.69, 0.52), (0.79, 0.52), (0.79, 0.62), (0.69, 0.62)]
+
+
+@pytest.mark.parametrize('off', [0.0, 1e-12, 1e-6, 1e-3, 0.01])
+@pytest.mark.parametrize('robot', [(0.03, 0.0), (0.0, -0.03), (0.0, 0.03)])
+def test_turn_on_the_spot_but_for_rounding_is_not_skipped(off, robot):
+    """A robot a little away from the start of its plan, which first turns it into a post."""
+    world = at_start(POST, x=robot[0], y=robot[1], **LONG)
+    found = world.plan([(0, 0, 1e-9), (off, 0, math.pi / 2), (off, -3, math.pi / 2)])
+    assert 0.2 < found.pose < 0.3 and found.metres <= off
+
+
+def test_standing_robot_does_not_go_on_along_a_turn():
+    """The plan turns it by steps whose places differ by 1 um; it is located to 5 mm."""
+    rng = np.random.default_rng(0)
+    turn = [(*rng.normal(size=2) * 1e-6, yaw) for yaw in np.linspace(0.001, math.pi / 2, 17)]
+    world = at_start(POST, **LONG)
+    world.plan(turn)
+    for k in range(1, 201):
+        world.move(k / 10, *rng.normal(0.0, 0.005, 2))
+        assert world.check().pose == pytest.approx(3.75, abs=0.01)
+
+
 def test_damaged_count_of_a_pose_is_refused():
     data = bytearray(path([(k, 0.0, 0.0) for k in range(8)], frame_id='odom', pose_frame='odom'))
     place = bytes(data).rindex(b'odom')

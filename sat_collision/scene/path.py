@@ -95,8 +95,7 @@ class FollowedPath:
         starts, ends = self.poses[first + near], self.poses[first + near + 1]
         steps = _steps(starts, ends)
         off = pose - starts
-        off[:, 2] = _wrapped(off[:, 2])
-        along = _nearest_shares(steps, off)
+        along = _nearest_shares(steps, off, reach)
         if near[0] == 0:
             along[0] = max(along[0], self.progress - first)
         gaps = _gaps(off - _moved(steps, along), reach)
@@ -149,20 +148,31 @@ def _steps(starts: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np
     return steps
 
 
-def _nearest_shares(steps: NDArray[np.float64], off: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return at which share of each step, an arc, it is nearest to a place off its start."""
+def _nearest_shares(steps: NDArray[np.float64], off: NDArray[np.float64], reach: float
+                    ) -> NDArray[np.float64]:
+    """Return at which share of each step, an arc, the gap to a place off its start is least."""
     dx, dy, turns = steps.T
     x, y, angles = off.T
     sizes = dx * dx + dy * dy
     # Along the chord and to the left of it, in units of its length.
     units = np.where(sizes == 0.0, 1.0, sizes)
     along, beside = (x * dx + y * dy) / units, (y * dx - x * dy) / units
+    # From the centre of the arc, in units of its radius, as all that follows.
     s, c = np.sin(turns / 2.0), np.cos(turns / 2.0)
-    # Angles about the centre of the arc; as the shares, from the middle of the arc on.
-    angles = np.where(sizes == 0.0, angles - turns / 2.0, np.arctan2(
-        (2.0 * along - 1.0) * s, c - 2.0 * beside * s))
-    shares = np.divide(angles, turns, where=turns != 0.0, out=along - 0.5)
-    return np.asarray(shares + 0.5).clip(0.0, 1.0)
+    ahead, outwards = (2.0 * along - 1.0) * s, c - 2.0 * beside * s
+    lever = 2.0 * s * reach / np.sqrt(units)
+    # The gap is least at an end; where the heading is the same; or where the place gets farther
+    # as fast as the heading nearer, when the line from one place to the other passes the centre
+    # at the lever, to one side of where the places are nearest. Angles from the arc's middle on.
+    squares = np.array([np.ones(len(s)), ahead ** 2 + outwards ** 2])
+    shift = np.subtract(*np.arctan2(lever, np.sqrt(np.maximum(squares - lever ** 2, 0.0))))
+    nearest = np.arctan2(ahead, outwards)
+    least = np.array([nearest - shift, nearest + shift, _wrapped(angles - turns / 2.0)])
+    shares = 0.5 + np.divide(least, turns, where=turns != 0.0, out=np.array([along - 0.5] * 3))
+    # What overflows is not a number, for which the start stands.
+    shares = np.vstack([np.zeros(len(s)), np.fmin(np.fmax(shares, 0.0), 1.0), np.ones(len(s))])
+    best = np.argmin([_gaps(off - _moved(steps, row), reach) for row in shares], axis=0)
+    return np.asarray(shares[best, np.arange(len(best))])
 
 
 def _moved(steps: NDArray[np.float64], shares: NDArray[np.float64] | float

@@ -86,15 +86,16 @@ class FollowedPath:
         first = min(int(self.progress), len(self.poses) - 2)
         if first < 0:
             return
-        # Of each segment the gap is at least that of its start less its length, and at most that
-        # of its end with half a turn. Neither is the first above the second by rounding.
-        away = np.hypot(*(self.poses[first:, :2] - pose[:2]).T)
+        # Of each segment the gap is at least that of its start less its length, without angles,
+        # and at most that of its end. Neither is the first above the second by rounding.
+        off = pose - self.poses[first:]
+        away = np.hypot(off[:, 0], off[:, 1])
         lengths = np.hypot(*np.diff(self.poses[first:, :2], axis=0).T)
         least = np.minimum(away[:-1] - lengths, away[1:])
-        near = np.flatnonzero(least <= away[1:].min() + (math.pi + 1.0) * reach)
+        near = np.flatnonzero(least <= _gaps(off[1:], reach).min() + reach)
         starts, ends = self.poses[first + near], self.poses[first + near + 1]
         steps = _steps(starts, ends)
-        off = pose - starts
+        off = off[near]
         along = _nearest_shares(steps, off, reach)
         if near[0] == 0:
             along[0] = max(along[0], self.progress - first)
@@ -171,7 +172,9 @@ def _nearest_shares(steps: NDArray[np.float64], off: NDArray[np.float64], reach:
     shares = 0.5 + np.divide(least, turns, where=turns != 0.0, out=np.array([along - 0.5] * 3))
     # What overflows is not a number, for which the start stands.
     shares = np.vstack([np.zeros(len(s)), np.fmin(np.fmax(shares, 0.0), 1.0), np.ones(len(s))])
-    best = np.argmin([_gaps(off - _moved(steps, row), reach) for row in shares], axis=0)
+    off, steps = np.tile(off, (len(shares), 1)), np.tile(steps, (len(shares), 1))
+    gaps = _gaps(off - _moved(steps, shares.ravel()), reach).reshape(shares.shape)
+    best = np.argmin(gaps, axis=0)
     return np.asarray(shares[best, np.arange(len(best))])
 
 

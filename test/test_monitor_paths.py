@@ -33,6 +33,8 @@ MAP = ObstacleSettings('map', '/map', type='polygon_instance', timeout=0.0,
 AHEAD = box(5, -0.5)
 STRAIGHT = [(x, 0.0, 0.0) for x in np.linspace(0.0, 10.0, 21)]
 IDENTITY = 0.0, 0.0, 0.0, 0.0, 1.0
+NONE = 0.0, 0.0, 0.0, 0.0, 0.0
+LONG = {'points': (-1, -0.2, 1, -0.2, 1, 0.2, -1, 0.2)}
 
 
 class Follower(World):
@@ -247,6 +249,108 @@ def test_orientations_of_identity_are_replaced_by_the_direction_of_travel():
     assert 4.0 < found.metres < 5.0 and not found.is_by_travel
 
 
+CORNER = (0.0, 0.0), (10.0, 0.0), (10.0, 10.0)
+
+
+def along(corners, step):
+    """Return places on the way from corner to corner, no farther apart than a step."""
+    return [*(tuple(place) for start, end in zip(corners, corners[1:]) for place in np.linspace(
+        start, end, math.ceil(math.dist(start, end) / step), endpoint=False)), corners[-1]]
+
+
+@pytest.mark.parametrize('corners', [
+    CORNER, ((0, 0), (3, 0), (9, 0), (9, 6)), ((0, 0), (7, 0), (0, 2)),
+    (*[(0, 0)] * 2, *[(8, 0)] * 3, *[(8, -4)] * 2)])
+@pytest.mark.parametrize('step', [100.0, 2.0, 0.25])
+def test_by_travel_the_way_between_poses_is_straight(corners, step):
+    """However few poses say so, and however often one is repeated."""
+    world = at_start(AHEAD)
+    places = along(corners, step) if step < 100.0 else corners
+    found = world.plan([(*place, *IDENTITY) for place in places])
+    assert found.metres == pytest.approx(4.5, abs=1e-6) and found.is_by_travel
+    k = int(found.pose)
+    assert (found.pose - k) * math.dist(*places[k:k + 2]) == pytest.approx(
+        4.5 - math.dist((0, 0), places[k]), abs=1e-6)
+    # From where the robot is the rest is as long, and in contact it is at that pose.
+    world.move(0.1, 3.2)
+    assert world.check().metres == pytest.approx(1.3, abs=1e-6)
+    assert world.check().pose == pytest.approx(found.pose, abs=1e-6)
+    world.move(0.2, 4.5)
+    assert (world.check().metres, world.check().pose) == (0.0, pytest.approx(found.pose))
+
+
+def test_by_travel_it_turns_on_the_spot_at_a_pose():
+    """Which is said, and adds no metres, and which it is within; the last turn is to the goal."""
+    places = [(*place, *IDENTITY) for place in ((0.0, 0.0), (3.0, 0.0), (3.0, 3.0), (3.0, 3.0))]
+    beside_corner, beside_goal = [(3.4, 0.3)], [(3.4, 3.1)]
+    for post, pose, metres in ((beside_corner, 1.0, 3.0), (beside_goal, 3.0, 6.0)):
+        world = at_start(post, **LONG)
+        found = world.plan(places)
+        assert (found.pose, found.metres) == (pytest.approx(pose), pytest.approx(metres))
+        assert found.way[-1] == pytest.approx(places[int(pose)][:2])
+    # After the turn at the corner there is nothing.
+    world = at_start(beside_corner, **LONG)
+    goal = (3.0, 3.0, 0.0, 0.0, 0.0, math.sin(math.pi / 4), math.cos(math.pi / 4))
+    assert world.plan([*places[:2], goal]).pose == pytest.approx(1.0)
+    world.move(0.1, 3.0, 0.01, math.pi / 2)
+    assert world.check().metres == math.inf
+    # A goal without orientation is not turned to.
+    world = at_start(beside_goal, **LONG)
+    assert world.plan([*places[:3], (3.0, 3.0, *NONE)]).metres == math.inf
+
+
+def test_by_travel_a_goal_that_is_turned_is_reached_before_the_turn():
+    """Of two poses, too, where all the way is along x."""
+    world = at_start(AHEAD)
+    goal = 10.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0
+    found = world.plan([(0.0, 0.0, *IDENTITY), goal])
+    assert found.metres == pytest.approx(4.5, abs=1e-6) and found.is_by_travel
+
+
+def test_random_paths_by_travel_as_shapely_sees_them():
+    """Sampled densely on each straight leg, and in each turn on the spot between two of them."""
+    import shapely
+    rng = np.random.default_rng(8)
+    outline = np.reshape(OUTLINE, (-1, 2))
+    count = 0
+    for _ in range(250):
+        places = rng.uniform(-4.0, 4.0, (rng.integers(2, 6), 2)).round(1)
+        post = rng.uniform(-3.0, 3.0, (1, 2)) + rng.uniform(-0.3, 0.3, (3, 2))
+        world = Follower(post)
+        world.move(0.0, *places[0], math.atan2(*(places[1] - places[0])[::-1]))
+        found = world.plan([*((*place, *IDENTITY) for place in places[:-1]),
+                            (*places[-1], *NONE)])
+        obstacle, poses, metres = shapely.Polygon(post), [], []
+        gone, before = 0.0, None
+        for start, end in zip(places, places[1:]):
+            way = complex(*(end - start))
+            heading = np.angle(way)
+            if before is not None:
+                turn = np.angle(np.exp(1j * (heading - before)))
+                poses += [(*start, before + turn * share) for share in np.linspace(0, 1, 200)]
+                metres += [gone] * 200
+            poses += [(*(start + share * (end - start)), heading)
+                      for share in np.linspace(0.0, 1.0, 500)]
+            metres += [gone + abs(way) * share for share in np.linspace(0.0, 1.0, 500)]
+            gone, before = gone + abs(way), heading
+        x, y, yaw = np.array(poses).T[:, :, None]
+        c, s = np.cos(yaw), np.sin(yaw)
+        there = shapely.polygons(np.stack([outline[:, 0] * c - outline[:, 1] * s + x,
+                                           outline[:, 0] * s + outline[:, 1] * c + y], axis=-1))
+        near = shapely.distance(there, obstacle)
+        met = np.flatnonzero(near == 0.0)
+        if len(met):
+            count += 1
+            assert found.metres <= metres[met[0]] + 1e-9
+        # Where it is met bodies are within 1 mm, and within the step of a sample.
+        if found.obstacle:
+            k = int(np.searchsorted(metres, found.metres - 0.03))
+            assert near[k:np.searchsorted(metres, found.metres + 0.03)].min() <= 0.03
+        else:
+            assert not len(met)
+    assert count > 30
+
+
 def test_path_in_another_frame_waits_for_its_transform():
     world = at_start(AHEAD)
     assert math.isnan(world.plan(STRAIGHT, stamp=world.now, frame_id='map').metres)
@@ -269,6 +373,10 @@ def test_path_in_another_frame_waits_for_its_transform():
     ([(0, math.nan, 0)], {}, 'no coordinates of a path'),
     ([(0, 0, 0, 0, math.inf, 0, 1)], {}, 'no coordinates of a path'),
     ([(0, 0, 0), (1e101, 0, 0)], {}, 'no coordinates of a path'),
+    ([(0, 0, 1.5), (1, 0, *NONE), (2, 0, 1.5)], {}, 'pose without orientation'),
+    ([(0, 0, 1.5), (1, 0, 1.5), (2, 0, *NONE)], {}, 'pose without orientation'),
+    ([(0, 0, *NONE)], {}, 'pose without orientation'),
+    ([(1, 0, *NONE)] * 3, {}, 'pose without orientation'),
     (STRAIGHT, {'frame_id': ''}, 'empty frame_id'),
     (STRAIGHT, {'pose_frame': 'map'}, 'undecodable'),
     (STRAIGHT, {'stamp': 2000 * SECOND}, 'from the future')])
@@ -351,7 +459,6 @@ def test_progress_within_a_segment_is_the_nearest_of_many_places():
         assert gaps(path.progress) <= gaps(np.linspace(0.0, 1.0, 2001)).min() + 1e-9
 
 
-LONG = {'points': (-1, -0.2, 1, -0.2, 1, 0.2, -1, 0.2)}
 POST = [(0.69, 0.52), (0.79, 0.52), (0.79, 0.62), (0.69, 0.62)]
 
 
@@ -373,6 +480,13 @@ def test_standing_robot_does_not_go_on_along_a_turn():
     for k in range(1, 201):
         world.move(k / 10, *rng.normal(0.0, 0.005, 2))
         assert world.check().pose == pytest.approx(3.75, abs=0.01)
+
+
+@pytest.mark.parametrize('size', [1e-320, 1e-200, 1e-3, 1.0, 5.0, 9e99])
+def test_quaternions_of_any_length_are_orientations(size):
+    world = at_start([(2.0, 0.35)])
+    found = world.plan([(x, 0.0, 0.0, 0.0, 0.0, size, size) for x in range(4)])
+    assert found.metres == pytest.approx(1.75, abs=1e-3) and not found.is_by_travel
 
 
 def test_damaged_count_of_a_pose_is_refused():

@@ -20,7 +20,7 @@ from sat_collision.messages.cdr import decode_path, MessageError
 from sat_collision.messages.ingest import Ingest
 from sat_collision.messages.outlines import Outlines
 from sat_collision.messages.rejections import (
-    BAD_PATH, detail_of, EMPTY_FRAME_ID, Rejection, TOO_MANY_POSES, UNDECODABLE)
+    BAD_PATH, detail_of, EMPTY_FRAME_ID, NO_ORIENTATION, Rejection, TOO_MANY_POSES, UNDECODABLE)
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.scene.footprints import Status
 from sat_collision.scene.frames import NoTransform
@@ -98,8 +98,12 @@ class Paths:
                 problem = FROM_FUTURE, detail_of(
                     FROM_FUTURE, '', '', (now - latest.stamp) / 1e9, 0.0)
             else:
-                latest.path = FollowedPath(poses)
-                return []
+                path = FollowedPath(poses)
+                unknown = np.flatnonzero(np.isnan(path.poses[:, 2]))
+                if not len(unknown):
+                    latest.path = path
+                    return []
+                problem = NO_ORIENTATION, f'the quaternion of pose {unknown[0]} is zero'
         latest.problem = f'the last path on {latest.topic} was refused: {problem[0]}'
         return [self._ingest.reject(settings, *problem)]
 

@@ -26,6 +26,7 @@ TOO_MANY_POSES = 'too many poses'
 BAD_COMMAND = 'no velocity of a robot'
 COMMAND_FRAME = 'command in another frame'
 EMPTY_FRAME_ID = 'empty frame_id'
+NO_ORIENTATION = 'pose without orientation'
 LONG_FRAME_ID = 'long frame_id'
 OTHER_BODY = 'odometry of another body'
 UNDECODABLE = 'undecodable'
@@ -35,6 +36,8 @@ _ADVICE = {
     BAD_COMMAND: 'the publisher must send finite numbers, of up to 1000 m/s or rad/s',
     COMMAND_FRAME: 'the publisher must send it in the frame of the outline, or name none',
     EMPTY_FRAME_ID: 'the publisher must say which frame the polygon is in',
+    NO_ORIENTATION: 'the publisher must send an orientation of each pose, or of none but the '
+                    'last',
     FROM_FUTURE: 'set the clocks of both machines by one, to within future_tolerance',
     LONG_FRAME_ID: 'the publisher must name a frame as tf2 has it',
     OTHER_BODY: 'give the topic that tells where the outline is, or publish the transform from '

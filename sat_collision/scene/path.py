@@ -52,22 +52,41 @@ class FollowedPath:
     """A path in its own frame, of finite poses, and how far along it the robot is."""
 
     def __init__(self, numbers: NDArray[np.float64]) -> None:
-        """Take x, y, z and the quaternion of each pose, (k, 7)."""
-        x, y, z, w = numbers[:, 3:].T
-        self.poses = np.column_stack([numbers[:, :2], np.arctan2(
-            2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)])
+        """
+        Take x, y, z and the quaternion of each pose, (k, 7).
+
+        A quaternion that is zero says nothing; the yaw is NaN where nothing else does.
+        """
+        sizes = np.abs(numbers[:, 3:]).max(axis=1, keepdims=True)
+        x, y, z, w = (numbers[:, 3:] / np.where(sizes, sizes, math.nan)).T
+        yaws = np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+        self.poses = np.column_stack([numbers[:, :2], yaws])
         self.is_by_travel = not numbers[:-1, 3:6].any() and self._turn_to_travel()
         self.progress = 0.0
 
     def _turn_to_travel(self) -> bool:
-        """Let all poses but the last look to where the path goes on; return whether any turns."""
-        ways = np.diff(self.poses[:, :2], axis=0)
+        """
+        Let each way from pose to pose be straight ahead, with turns on the spot between them.
+
+        So each pose but the first is there twice: as the end of a way, and as the start of the
+        next one or the goal. Return whether that turns any pose.
+        """
+        places, goal = self.poses[:, :2], self.poses[-1]
+        ways = np.diff(places, axis=0)
         moving = np.flatnonzero(ways.any(axis=1))
-        if len(moving):
-            following = np.searchsorted(moving, np.arange(len(ways))).clip(max=len(moving) - 1)
-            x, y = ways[moving[following]].T
-            self.poses[:-1, 2] = np.arctan2(y, x)
-        return bool(self.poses[:-1, 2].any())
+        if not len(moving):
+            return False
+        following = np.searchsorted(moving, np.arange(len(ways))).clip(max=len(moving) - 1)
+        x, y = ways[moving[following]].T
+        headings = np.arctan2(y, x)
+        if math.isnan(goal[2]):
+            goal[2] = headings[-1]
+        self.poses[:-1, 2] = headings
+        if not self.poses[:, 2].any():
+            return False
+        self.poses = np.vstack([np.column_stack([
+            np.repeat(places, 2, axis=0)[1:-1], np.repeat(headings, 2)]), goal])
+        return True
 
     def move(self, affine: Affine2D) -> None:
         """Move the path to the frame to which a map leads."""
@@ -123,10 +142,14 @@ class FollowedPath:
         there: NDArray[np.float64] = ends[0] + _moved(_steps(ends[:1], ends[1:]), share)[0]
         return there
 
+    def _received(self, place: float) -> float:
+        """Return which pose, or place between poses, of the path received a place is."""
+        return place // 2.0 + min(place % 2.0, 1.0) if self.is_by_travel else place
+
     def check(self, footprint: Footprint, outline: Polygon, contacts: Contacts) -> PathCheck:
         """Check the path from the progress on."""
         if touched := footprint.contacts_reported:
-            return PathCheck(0.0, pose=self.progress, obstacle=touched[0],
+            return PathCheck(0.0, pose=self._received(self.progress), obstacle=touched[0],
                              is_by_travel=self.is_by_travel)
         ahead = self.ahead()
         found = contacts.first_on_path(footprint, outline, ahead)
@@ -137,8 +160,9 @@ class FollowedPath:
         place = k + pose if pose >= 1.0 else self.progress + pose * (k + 1 - self.progress)
         x, y, yaw = there = self.at(place)
         c, s = math.cos(yaw), math.sin(yaw)
+        way = np.vstack([ahead[:int(pose) + 1], there])[:, :2]
         return PathCheck(
-            metres, '', place, body.name, np.vstack([ahead[:int(pose) + 1], there])[:, :2],
+            metres, '', self._received(place), body.name, way,
             outline.vertices @ [(c, s), (-s, c)] + (x, y), self.is_by_travel)
 
 

@@ -30,7 +30,7 @@ from sat_collision.messages.rejections import (
     detail_of, EMPTY_FRAME_ID, LONG_FRAME_ID, Rejection, UNDECODABLE)
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.scene.frames import LONGEST_FRAME_ID, Mapped, NoTransform
-from sat_collision.scene.obstacle_store import Followed, Polygons, Shape
+from sat_collision.scene.obstacle_store import Followed, Polygons, Shape, TOO_MANY
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import (
     CommandSettings, EACH_MESSAGE, EMPTY_POLYGON, FootprintSettings, in_ns, NEVER,
@@ -225,12 +225,12 @@ class Ingest:
         refused, self._refused = self._refused, []
         for _, problem in refused:
             self.rejected[name, problem.reason.value] += 1
-        if refusal is None or refused:
+        if refusal is None or refused or (
+                refusal == TOO_MANY and settings.type == POLYGON_COLLECTION):
             if self._placements is not None:
-                if refused:
-                    data, spans, in_one, step = points
-                    kept = np.delete(np.asarray(spans).reshape(-1, 2), [k for k, _ in refused], 0)
-                    points = data, kept.ravel(), in_one, step
+                if refusal is not None:
+                    points = _placed(points, [k for k, _ in refused],
+                                     scene.sources[name].settings.max_count)
                 self._placements.append(Placement(
                     name, stamp or now, frame_id, points, affine, instance, *scene.joined(name),
                     followed))
@@ -238,6 +238,7 @@ class Ingest:
                 k, problem = refused[0]
                 return Rejection(name, settings.topic, problem.reason.value,
                                  f'polygon {k}: {problem}')
+        if refusal is None:
             if name in self.headers and points[2] and points[0] is data:
                 self.headers[name] = (data[STAMP_SIZE:points[1] - COUNT_SIZE], points[1], sent_in)
             return None
@@ -406,6 +407,13 @@ class Ingest:
         """Count a refused message and return its Rejection."""
         self.rejected[settings.name, reason] += 1
         return Rejection(settings.name, settings.topic, reason, detail)
+
+
+def _placed(points: RunPoints, refused: Sequence[int], most: int) -> RunPoints:
+    """Return the points of those polygons of a collection that were placed."""
+    data, spans, in_one, step = points
+    first = np.asarray(spans).reshape(-1, 2)[:most]
+    return data, np.delete(first, [k for k in refused if k < most], 0).ravel(), in_one, step
 
 
 def _reason_of(error: MessageError | PolygonError) -> str:

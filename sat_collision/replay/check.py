@@ -329,7 +329,7 @@ class _Check:
         by_header = self._options.clock == HEADER
         # Messages outside the bounds in metadata.yaml are not dropped. By stamps, messages that
         # are received later may belong to the time that is checked.
-        later = WINDOW if self._motion else 0
+        later = WINDOW if self._motion and not by_header else 0
         read: Iterable[Row] = self._with_clocks_compared(self._rows(
             names, start if self._options.start else None, stop and stop + later))
         marks = {one.topic: partial(_is_empty, one.type == POLYGON_INSTANCE)

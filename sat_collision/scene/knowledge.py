@@ -238,6 +238,9 @@ class Listings(Knowledge):
     def refuse(self, reason: str, now: int, is_read: bool = True) -> None:
         super().refuse(reason, now)
         self._is_unread = not is_read
+        if not is_read and self._end == EACH_MESSAGE:
+            self.joined = self._open.number
+            self._close(now)
 
     def pass_time(self, now: int) -> None:
         """Drop obstacles that are too old, once the last whole listing is."""

@@ -249,12 +249,12 @@ class RecordedMotion:
         latest = [sweep.trajectory.latest for sweep in self._sweeps.values()]
         # Obstacles after the last footprint are of no interest.
         last = max((time for time in latest if time is not None), default=end)
-        for tracker in self._trackers.values():
-            tracker.rest(last, is_over=True)
+        for name, tracker in self._trackers.items():
+            tracker.rest(last, True, self._scene.joined(name)[0])
         start = end if self._start is None else self._start
         for name, sweep in self._sweeps.items():
             result = sweep.result
-            result.last = sweep.trajectory.latest
+            result.last = sweep.trajectory.newest
             sweep.finish(end)
             if self._drawing:
                 self._drawing.show(name, sweep.trajectory)

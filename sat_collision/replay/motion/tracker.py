@@ -100,8 +100,12 @@ class Tracker(ABC):
         """
 
     @abstractmethod
-    def rest(self, now: int, is_over: bool = False) -> None:
-        """Extend bodies not received for long, or all if the recording is over, standing still."""
+    def rest(self, now: int, is_over: bool = False, listing: int = 0) -> None:
+        """
+        Extend bodies not received for long, or all if the recording is over, standing still.
+
+        Then `listing` is that of the last message, which may have been refused.
+        """
 
     def use_frame(self, frame_id: str) -> None:
         """Set the current frame, and drop bodies in other frames."""
@@ -137,8 +141,9 @@ class SetTracker(Tracker):
     def __init__(self, settings: ObstacleSettings, max_vertices: int, emit: Emit) -> None:
         super().__init__(settings, max_vertices, emit)
         self._ending = settings.ending
-        # The number of the set that is being received, 0 if none is, and its first stamp.
-        self._listing = self._start = 0
+        # The number of the set that is being received, 0 if none is, and its first stamp; and that
+        # of the last one.
+        self._listing = self._start = self._number = 0
         self._pending: list[Placement] = []
         self._described: Described | None = None
         self._names: list[ObstacleId] = []
@@ -173,6 +178,9 @@ class SetTracker(Tracker):
                         late if late < placement.stamp else 0)
             if self._ending != EMPTY_POLYGON:
                 self._rest_before(placement.stamp, placement.stamp)
+            # Of a set in between all was refused.
+            self._is_whole &= self._number in (0, placement.listing - 1)
+            self._number = placement.listing
             self._listing, self._start = placement.listing, placement.stamp
             self._described = described
         if not placement.is_empty:
@@ -188,14 +196,14 @@ class SetTracker(Tracker):
         if self._last is not None and len(self._last) and self._last.frame_id != frame_id:
             self._last = None
 
-    def rest(self, now: int, is_over: bool = False) -> None:
+    def rest(self, now: int, is_over: bool = False, listing: int = 0) -> None:
         late = self._start + self._longest
         if self._listing and (is_over or now > late):
             self._close(held=min(now, late))
         # Whether bodies are received again is only known when the next set has ended.
         if not self._listing and (is_over or now > self._last_stamp + self._longest):
             self._rest(now)
-        if is_over and not self._is_whole:
+        if is_over and (not self._is_whole or self._number < listing):
             self._miss(self._since, now)
 
     def _rest_before(self, begin: int, end: int) -> None:
@@ -388,7 +396,7 @@ class KeyTracker(Tracker):
         self._seen = {name: sample for name, sample in self._seen.items()
                       if sample.bodies.frame_id == frame_id}
 
-    def rest(self, now: int, is_over: bool = False) -> None:
+    def rest(self, now: int, is_over: bool = False, listing: int = 0) -> None:
         self._now = now
         if is_over or now > min(self._rested, self._first_stamp) + self._longest:
             self._close()

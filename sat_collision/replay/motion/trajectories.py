@@ -59,8 +59,9 @@ class Trajectory:
     The samples of a footprint, and the links of its motion.
 
     A link leads from one sample to the next if no refused footprint came between them, if they
-    are no further apart in time than the timeout, and if they have as many vertices. A sample
-    alone, or one of several with a stamp, is a link without length. Times are in ns.
+    are no further apart in time than the timeout, and if they have as many vertices. One that
+    never times out stands where it was last. A sample alone, or one of several with a stamp, is a
+    link without length. Times are in ns.
     """
 
     def __init__(self, settings: FootprintSettings) -> None:
@@ -70,13 +71,17 @@ class Trajectory:
         self.longest = round(min(timeout, LONGEST))
         # The batch of the samples that are being added, if any.
         self.batch: SetBatch | None = None
-        # The stamp of the last sample.
+        # The greatest stamp of samples, and that of the last one, or until when it has stood.
+        self.newest: int | None = None
         self.latest: int | None = None
         # The times in which the motion is known, those that meet as one.
         self.known: list[Interval] = []
         self._links: list[Link] = []
         self._starts: list[int] = []
         self._last: tuple[int, Bodies] | None = None
+        # The last one as far as it has stood, if it has, and whether it was ever elsewhere.
+        self._stood: Bodies | None = None
+        self._has_moved = False
         # By time, the outlines found last.
         self._outlines: dict[int, Polygon] = {}
 
@@ -88,7 +93,18 @@ class Trajectory:
                 or time == begin and np.array_equal(sample.ring(0), last.ring(0))):
             return
         self._last, self.latest = (time, sample), time
+        self.newest = max(time, self.newest or time)
+        stood, self._stood = self._stood, None
+        is_there = self._never_stale and np.array_equal(sample.ring(0), last.ring(0))
+        self._has_moved |= not is_there
         if begin is None or time <= begin:
+            self._append(Link(sample, sample))
+        elif is_there and (stood or last).begin < time:
+            self._append(Link(stood or last, sample))
+        elif stood:
+            # It is not known when it left the place where it stood.
+            first, _ = self.known.pop()
+            self.known.append((first, begin))
             self._append(Link(sample, sample))
         elif sample.followed if sample.follows(last) else time - begin <= self.longest and (
                 last.rings[0, COUNT] == sample.rings[0, COUNT]):
@@ -98,7 +114,8 @@ class Trajectory:
 
     def lose(self) -> None:
         """Reset the pose: it is unknown until the next sample."""
-        self._last = None
+        self._last = self._stood = None
+        self._has_moved = True
 
     def begin_of_link(self, until: int) -> int | None:
         """Return when the link that leads to a sample at a time begins, None if none does."""
@@ -107,9 +124,17 @@ class Trajectory:
         return self._last[0]
 
     def stand(self, until: int) -> None:
-        """Extend a footprint that never times out until a time, standing still."""
-        if self._never_stale and self._last is not None and self._last[0] < until:
-            self.add(until, self._last[1].at({0: until}))
+        """
+        Let a footprint that never times out stand until a time.
+
+        This is what the node holds. That it stands there is known only if it never moved.
+        """
+        if not self._never_stale or self._last is None:
+            return
+        before = self._stood or self._last[1]
+        if before.begin < until:
+            self._stood, self.latest = before.at({0: until}), until
+            self._append(Link(before, self._stood), not self._has_moved)
 
     def drop_before(self, time: int) -> None:
         """Forget the links that end before a time."""
@@ -186,7 +211,7 @@ class Trajectory:
                 outlines[time] = link.motion.polygon(0, time)
         return outlines.get(time)
 
-    def _append(self, link: Link) -> None:
+    def _append(self, link: Link, is_known: bool = True) -> None:
         if self._starts and link.begin < self._starts[-1]:
             # The clock of the stamps was set back: the links so far belong to another time.
             self._links.clear()
@@ -194,10 +219,11 @@ class Trajectory:
             self._outlines.clear()
         self._links.append(link)
         self._starts.append(link.begin)
-        begin = link.begin
-        if self.known and self.known[-1][1] == begin:
-            begin, _ = self.known.pop()
-        self.known.append((begin, link.end))
+        if is_known:
+            begin = link.begin
+            if self.known and self.known[-1][1] == begin:
+                begin, _ = self.known.pop()
+            self.known.append((begin, link.end))
 
 
 # The most that a vertex may be off the line that approximates its motion, in m, as in the sweep.

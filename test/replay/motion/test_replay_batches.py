@@ -18,6 +18,7 @@ from sat_collision.replay.model.configuration import settings_of
 from sat_collision.replay.model.result import FootprintResult
 from sat_collision.replay.motion import contacts
 from sat_collision.replay.motion.motion import RecordedMotion
+from sat_collision.scene.scene import Scene
 
 SHAPES = [box(0.0), [(0, 0), (2, 0), (0.5, 1)], [(0, 0), (1.5, 0.5)], [*box(0.0), (0.0, 0.0)],
           [(0, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)]]
@@ -66,7 +67,7 @@ def recorded(seed):
 def followed(found, together, alone=0):
     """Return results and motion of placements, some at a time after the first ones."""
     results = [FootprintResult(one.name, one.topic, True) for one in SETTINGS.footprints]
-    motion = RecordedMotion(SETTINGS, None, None, results)
+    motion = RecordedMotion(SETTINGS, Scene(SETTINGS), None, results)
     motion.place(found[:alone])
     for k in range(alone, len(found), together):
         motion.place(found[k:k + together])

@@ -11,12 +11,13 @@
 
 from operator import itemgetter
 
-from builders import SECOND, serialised
+from builders import collection, SECOND, serialised
 from published import load
 import pytest
 import recordings
 from recordings import (
-    box, declared, EACH, INSTANCE, main, MARKS, POLYGON, published, SOURCE, STAMPS, START, write)
+    box, COLLECTION, declared, EACH, INSTANCE, main, MARKS, POLYGON, published, SOURCE, STAMPS,
+    START, write)
 from sat_collision.replay.losses import UNSEEN
 from sat_collision.replay.model.result import AT_A_SAMPLE, BETWEEN_SAMPLES, Options, Verdict
 
@@ -591,7 +592,10 @@ def test_part_of_a_recording_is_selected_by_stamps(tmp_path):
     messages += [at(k / 10, points) for k in range(121) for points in (box(0.5), [])]
     bag = write(tmp_path / 'bag', sorted(messages, key=lambda message: message[1]))
     assert check(bag, Options(duration=5.2)).verdict is Verdict.COLLISION
-    assert check(bag, Options(duration=4.5)).verdict is Verdict.CLEAR
+    for clock in ('receive', 'header'):
+        result = check(bag, Options(duration=4.5, clock=clock))
+        assert result.verdict is Verdict.CLEAR
+        assert since(result, result.end) == [pytest.approx(4.5, abs=0.1)]
 
 
 def test_deepest_moment_with_a_non_convex_obstacle(tmp_path):
@@ -604,6 +608,54 @@ def test_deepest_moment_with_a_non_convex_obstacle(tmp_path):
     x = -20.0 + 400.0 * (contact.deepest - START - 0.9 * SECOND) / SECOND
     assert -0.125 < x < 0.25 or 0.625 < x < 1.0
     assert contact.depth > 0.0
+
+
+def test_first_polygons_of_too_large_a_collection_count(tmp_path):
+    """The obstacle touches in the one of three polygons, which is refused for the third."""
+    messages = [message for k in range(20) for message in (
+        at(k / 10, box(0.0), topic='/footprint'),
+        ('/obstacles', k / 10, collection(
+            [box(0.5), box(5.0), box(7.0)] if k == 10 else [box(5.0)], START + k * SECOND // 10)))]
+    bag = write(tmp_path / 'bag', messages, types={'/obstacles': COLLECTION})
+    result = check(bag, Options(parameters={f'{SOURCE}.max_count': 2}), None)
+    contact, = result.contacts
+    assert since(result, contact.first, contact.last) == pytest.approx([1.0, 1.1])
+
+
+@pytest.mark.parametrize('x, undetermined', [(0.0, []), (10.0, [(3.0, 48.0)])])
+def test_footprint_that_never_times_out_stands(tmp_path, x, undetermined):
+    """It is silent for 45 s, and an obstacle touches it; then it is seen there, or elsewhere."""
+    messages = [at(k / 10, box(0.0 if k < 40 else x), topic='/footprint')
+                for k in (*range(31), *range(480, 500))]
+    messages += [at(k / 10, box(0.5 if 100 <= k < 200 else 5.0, 9.0 * (k >= 200)))
+                 for k in range(500)]
+    result = run(tmp_path, messages, parameters={'footprint.timeout': 0.0})
+    assert [since(result, one.first, one.last) for one in result.contacts] == [
+        pytest.approx([9.9, 20.0], abs=0.11)]
+    assert [since(result, one.first, one.last) for one in result.undetermined] == [
+        pytest.approx(times) for times in undetermined]
+
+
+@pytest.mark.parametrize('timeout', [0.0, 60.0])
+def test_undetermined_time_counts_whatever_the_last_stamp_of_the_footprint_is(tmp_path, timeout):
+    """Its number of vertices changes at 7.5 s; its last message is stamped 13 s back."""
+    others = [(4, 0), (5, 0), (5, 1), (4.5, 1.2), (4, 1)]
+    messages = [at(k / 10, box(0.0) if k < 75 else others, topic='/footprint')
+                for k in range(201)] + samples([2.0] * 201, '/obstacles')
+    result = run(tmp_path, [*messages, at(7.0, others, 13.05, '/footprint')],
+                 parameters={'footprint.timeout': timeout})
+    first, *_ = result.undetermined
+    assert since(result, first.first, first.last) == pytest.approx([7.4, 7.5])
+    assert (result.verdict, result.footprints[0].last) == (Verdict.UNKNOWN, START + 20 * SECOND)
+
+
+def test_footprint_stamped_by_another_clock_is_undetermined(tmp_path):
+    """Its stamps are 11 s behind, and never compared with those of obstacles."""
+    messages = [message for k in range(101) for message in (
+        at(k / 10 - 11.0, box(0.0 if k < 50 else 0.01 * k), 11.0, '/footprint'),
+        at(k / 10, box(3.0)))]
+    result = run(tmp_path, messages, parameters={'footprint.timeout': 0.0})
+    assert result.footprints[0].clear == 0 and result.verdict is Verdict.UNKNOWN
 
 
 def test_bodies_older_than_the_timeout_are_not_linked_though_their_sets_are_nearer(tmp_path):

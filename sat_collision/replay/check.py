@@ -254,6 +254,8 @@ class _Check:
             self._begin(start)
             now = start
         plans = self._plans.names
+        # With the clock of stamps, those that come before the first of these.
+        early: list[tuple[str, bytes]] = []
         # A rejected footprint has no pose until the next one, so each message counts; so do plans.
         single = {one.name for one in self._settings.footprints} | plans
         # By topic, the source whose messages may be received several at once, and its timeout.
@@ -269,7 +271,7 @@ class _Check:
                 if not time or topic in TRANSFORM_TOPICS:
                     time = 0
                 else:
-                    self._begin(time)
+                    self._begin(time, early)
             elif not by_header and stop is not None and time >= stop:
                 break
             if time > now:
@@ -298,6 +300,8 @@ class _Check:
                     self._receive(name, part, now, number and number + k)
                     if name in plans and now:
                         self._keep(self._plans.receive(name, now))
+                    elif name in plans:
+                        early.append((name, part[0]))
                     elif name in monitor.outlines.names:
                         self._plans.follow(now)
         if result.start is None:
@@ -345,7 +349,8 @@ class _Check:
             total = sum(self._recording.counts[topic] for topic in names)
             read = _with_progress(read, total, progress)
         if self._motion:
-            return StampOrder(read, by_header, marks, self._timeless)
+            return StampOrder(read, by_header, marks, dict.fromkeys(self._timeless, 0) | {
+                one.path: start for one in self._settings.footprints if one.path})
         return (by_stamps_as_received(read, {*TRANSFORM_TOPICS, *self._timeless}) if by_header
                 else ArrivalOrder(read))
 
@@ -453,16 +458,15 @@ class _Check:
             del self._placements[:count]
             self._untaken = 0
 
-    def _begin(self, start: int) -> None:
-        """Start the clock."""
+    def _begin(self, start: int, plans: Iterable[tuple[str, bytes]] = ()) -> None:
+        """Start the clock, and check the plans that came before."""
         self._result.start = self._now = start
         if self._result.origin is None:
             self._result.origin = start
         self._monitor.advance(start)
-        for name in self._plans.names:
-            if self._monitor.received[name]:
-                # With the clock of stamps, the last one that came before the first of these.
-                self._keep(self._plans.receive(name, start))
+        for name, data in plans:
+            self._monitor.paths.receive(name, data)
+            self._keep(self._plans.receive(name, start))
         self._change(self._scene.take_changes().changed, start)
         for timer in self._timers:
             timer.due = start

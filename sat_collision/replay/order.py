@@ -98,8 +98,9 @@ class StampOrder:
     message without one counts at the latest stamp so far, 0 before the first.
 
     Maps and plans, on `timeless` topics, may have any stamp, so theirs are not the clock. They
-    count at it if it lies in the WINDOW before the time received. With `by_header` that time is
-    the latest stamp so far, and they do not count before the first one.
+    count at it if it lies in the WINDOW before the time received, and not before the time given
+    for the topic. With `by_header` that time received is the latest stamp so far, and they do not
+    count before the first one.
 
     Where a mark ends a set, order says what is in it: its messages stay in their order, and all
     count at the latest stamp of them but that of the mark. `marks` has for the topic of each such
@@ -108,12 +109,12 @@ class StampOrder:
 
     def __init__(self, rows: Iterable[Row], by_header: bool,
                  marks: Mapping[str, Callable[[bytes], bool]] | None = None,
-                 timeless: Collection[str] = ()) -> None:
+                 timeless: Mapping[str, int] | None = None) -> None:
         # How much later than its time the last message was received, ns; unused by header.
         self.delay = 0
         self._rows = rows
         self._by_header = by_header
-        self._timeless = timeless
+        self._timeless = timeless or {}
         # Consecutive messages of one topic and time, with the count of the first.
         self._waiting: list[_Counted] = []
         # The same of the sets that are being received, by their topics.
@@ -164,8 +165,10 @@ class StampOrder:
                         time = received = time or latest
                         first_time = first_time or time
                     else:
-                        ahead = 0 if topic in self._timeless else WINDOW
-                        if not (time and -ahead <= received - time <= WINDOW):
+                        oldest, newest = received - WINDOW, received + WINDOW
+                        if topic in self._timeless:
+                            oldest, newest = max(oldest, self._timeless[topic]), received
+                        if not (time and oldest <= time <= newest):
                             time = received
                     if stamp and time == stamp and topic != TF:
                         run_topic, head = topic, own

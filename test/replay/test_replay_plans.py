@@ -59,9 +59,9 @@ def drive(*plans, end=2.0, x=0.0, square=5.0, obstacles_from=0.0, robot_until=9.
 @pytest.fixture(params=[False, True], ids=['recorded motion', 'as live'])
 def run(request, tmp_path):
     """Return what writes and checks a recording, in either way."""
-    def run(messages, storage='mcap', **options):
+    def run(messages, storage='mcap', latched=(), **options):
         bag = tmp_path / f'bag{len([*tmp_path.iterdir()])}'
-        return check(write(bag, messages, storage, types=TYPES),
+        return check(write(bag, messages, storage, latched=latched, types=TYPES),
                      replace(OPTIONS, as_live=request.param, **options))
     return run
 
@@ -96,6 +96,21 @@ def test_stamps_of_plans_do_not_set_the_clock_of_stamps(run, stamp, times, refus
     footprint, = result.footprints
     assert footprint.plans_unknown == {
         f'obstacle source {SOURCE} on /obstacles has not sent anything yet': 1, **refused}
+
+
+def test_every_plan_of_before_the_clock_of_stamps_starts_counts(run):
+    """The map and three plans come before the first odometry."""
+    messages = [*(('/obstacles', 0.0, serialised(points, 0, 'odom'))
+                  for points in (box(5.0, -0.5), [])),
+                plan(0.1, TOUCHING), plan(0.2, []), plan(0.3, FREE),
+                *(('/odom', k / 10, odometry('odom', 'base', nanoseconds(k / 10), 0.0, 0.0))
+                  for k in range(4, 10))]
+    result = run(messages, latched=['/obstacles'], clock='header', parameters={
+        **PARAMETERS, 'footprint.odometry': '/odom', f'{SOURCE}.timeout': 0.0})
+    footprint, = result.footprints
+    assert (footprint.plans, footprint.plans_unknown) == (2, {})
+    assert [(one.time, one.pose) for one in result.plan_contacts] == [
+        (nanoseconds(0.4), pytest.approx(2.125, abs=1e-3))]
 
 
 def test_motion_is_as_without_a_path(tmp_path):
@@ -236,6 +251,16 @@ def test_plans_of_before_the_start_do_not_count(tmp_path):
                 latched=['/plan'])
     result = check(bag, replace(OPTIONS, start=1.0))
     assert (result.footprints[0].plans, result.plan_contacts) == (1, [])
+
+
+@pytest.mark.parametrize('start', [0.0, 1.0])
+def test_plan_stamped_before_the_start_counts_when_received(run, start):
+    """At its stamp nothing is known yet."""
+    messages = drive(plan(1.75, TOUCHING, nanoseconds(start + 0.25)))
+    result = run([one for one in messages if one[1] >= 0.3], start=start)
+    footprint, = result.footprints
+    assert (footprint.plans, footprint.plans_unknown) == (1, {})
+    assert [one.time for one in result.plan_contacts] == [nanoseconds(1.75)]
 
 
 @pytest.mark.parametrize('plans, verdict', [

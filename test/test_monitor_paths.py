@@ -146,6 +146,16 @@ def test_what_is_unknown_is_said():
     assert world.check().metres < 5.0
 
 
+def test_state_that_is_unknown_since_the_last_check_says_so():
+    """And not what was found of the path before."""
+    world = at_start(box(5, 3.0))
+    assert (world.plan(STRAIGHT).metres, world.text) == (math.inf, 'none')
+    world.wait_until(7.0)
+    assert world.text == f'unknown: {"; ".join(world.state().reasons)}'
+    world.use(enabled=False)
+    assert world.text == 'unknown: footprint robot is disabled'
+
+
 def test_part_behind_the_robot_does_not_count():
     world = at_start(box(1, -0.5), AHEAD, x=3.0)
     assert world.plan(STRAIGHT).metres == pytest.approx(1.5, abs=1e-6)

@@ -113,6 +113,10 @@ class States:
         else:
             vx, vy, omega = velocity.twist
             motion = f'{vx:.3f} m/s, {vy:.3f} m/s, {omega:.3f} rad/s by {velocity.origin}'
+        path_contact = scene.path_checks[name].text if name in scene.path_checks else ''
+        if path_contact and state.status is Status.UNKNOWN:
+            # It may have been known when the path was checked.
+            path_contact = f'unknown: {"; ".join(state.reasons)}'
         is_known = prediction and prediction.is_known
         texts = (
             '' if state.age is None else f'{state.age:.3f}',
@@ -124,7 +128,7 @@ class States:
             '' if transform_age is None else f'{transform_age:.3f}',
             f'{prediction.seconds:.3f}' if prediction and is_known else '',
             str(prediction.obstacle or '') if prediction and is_known else '',
-            scene.path_checks[name].text if name in scene.path_checks else '',
+            path_contact,
             motion,
             ', '.join(map(str, prediction.unknown)) if prediction else '',
             *('; '.join(filter(None, (one.summary, one.advice)))

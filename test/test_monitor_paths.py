@@ -378,6 +378,23 @@ def test_path_in_another_frame_waits_for_its_transform():
     assert world.check().metres == pytest.approx(4.5)
 
 
+@pytest.mark.parametrize('lacks', ['obstacles', 'kernels'])
+def test_path_in_another_frame_is_placed_at_once(lacks):
+    """Something else is lacking for longer than transforms are kept."""
+    world = World(Settings(frame_id='odom', footprints=(ROBOT,), obstacles=(MAP,)))
+    if lacks != 'obstacles':
+        world.send_map('map', AHEAD)
+    world.monitor.receive('robot.path', path(STRAIGHT, world.now, frame_id='map'), world.now)
+    for time in range(20):
+        world.move(time, 0.0)
+        world.receive_transforms(TF, ('map', 'odom', world.now, 0.0, 0.0, 0.0))
+        world.monitor.paths.check(world.now, measures=lacks != 'kernels')
+    if lacks == 'obstacles':
+        world.send_map('map', AHEAD)
+    world.monitor.paths.check(world.now)
+    assert world.scene.path_checks['robot'].metres == pytest.approx(4.5, abs=1e-6)
+
+
 @pytest.mark.parametrize(('poses', 'more', 'reason'), [
     ([(0, 0, 0)] * 31, {}, 'too many poses'),
     ([(0, math.nan, 0)], {}, 'no coordinates of a path'),

@@ -62,15 +62,23 @@ class Paths:
         for name, latest in self._latest.items():
             self._latest[name] = ReceivedPath(latest.topic)
 
-    def check(self, now: int,
-              footprints: Iterable[FootprintSettings] | None = None) -> list[Rejection]:
-        """Check the paths of some footprints, by default of all; the scene keeps the answers."""
+    def check(self, now: int, footprints: Iterable[FootprintSettings] | None = None,
+              measures: bool = True) -> list[Rejection]:
+        """
+        Check the paths of some footprints, by default of all; the scene keeps the answers.
+
+        Where `measures` is false they are only read and placed, for which no kernel is needed.
+        """
         rejections: list[Rejection] = []
         for footprint in self._scene.settings.footprints if footprints is None else footprints:
             if settings := footprint.path_settings:
                 rejections += self.read(settings, now)
-                self._scene.path_checks[footprint.name] = self.check_one(
-                    footprint, self._latest[settings.name], now)
+                latest = self._latest[settings.name]
+                if measures:
+                    self._scene.path_checks[footprint.name] = self.check_one(
+                        footprint, latest, now)
+                else:
+                    self._place(latest, now)
         return rejections
 
     def read(self, settings: PathSettings, now: int) -> list[Rejection]:
@@ -118,6 +126,8 @@ class Paths:
         Of a plan the whole is checked while it is not known where the footprint is.
         """
         scene, name = self._scene, footprint.name
+        # Whatever else is unknown: later its transform is not kept any more.
+        missing = self._place(latest, now)
         if scene.status(name) is Status.UNKNOWN and (
                 reasons := scene.faults_around(name) if is_plan else scene.state(name).reasons):
             return PathCheck(math.nan, '; '.join(reasons))
@@ -125,20 +135,28 @@ class Paths:
         if path is None:
             return PathCheck(math.nan, latest.problem or '; '.join(
                 filter(None, (f'no path on {latest.topic} yet', latest.fault))))
-        if latest.frame_id != scene.frame_id:
-            found = self._transforms.lookup_affine(latest.frame_id, latest.stamp, now, 0.0)
-            if isinstance(found, NoTransform):
-                return PathCheck(math.nan, f'the path on {latest.topic} has no place: '
-                                           f'{found.lasting}', may_come=found.may_come)
-            path.move(found.affine)
-            latest.frame_id = scene.frame_id
+        if missing:
+            return PathCheck(math.nan, f'the path on {latest.topic} has no place: '
+                                       f'{missing.lasting}', may_come=missing.may_come)
         outline = self._outlines.polygon(name)
-        if scene.is_placed(name):
-            path.advance(self._outlines.pose(name), float(np.hypot(*outline.vertices.T).max()))
         try:
+            if scene.is_placed(name):
+                path.advance(self._outlines.pose(name),
+                             float(np.hypot(*outline.vertices.T).max()))
             return scene.check_path(name, path, outline)
         except ValueError as error:
             return PathCheck(math.nan, f'the path on {latest.topic} cannot be checked: {error}')
+
+    def _place(self, latest: ReceivedPath, now: int) -> NoTransform | None:
+        """Move a path to the fixed frame, once; return why that cannot be done yet."""
+        frame_id = self._scene.frame_id
+        if latest.path and latest.frame_id != frame_id:
+            found = self._transforms.lookup_affine(latest.frame_id, latest.stamp, now)
+            if isinstance(found, NoTransform):
+                return found
+            latest.path.move(found.affine)
+            latest.frame_id = frame_id
+        return None
 
 
 @dataclass

@@ -266,7 +266,7 @@ class FootprintMonitor(Node):
         self._looks_ahead = True
         if self._publishing.due(steady) or goes_on:
             self._publish_all()
-            self._checks_paths = self._outputs.measures
+            self._checks_paths = True
         if self._marking.due(steady):
             self._publish_markers()
         if self._reporting.due(steady):
@@ -388,7 +388,8 @@ class FootprintMonitor(Node):
             self._checks_paths = False
             for footprint in self._scene.settings.footprints:
                 if footprint.path:
-                    self._log(self._monitor.paths.check(self._now, [footprint]))
+                    self._log(self._monitor.paths.check(
+                        self._now, [footprint], self._outputs.measures))
                     yield
             self._outputs.publish_paths()
         if self._figures_due:

@@ -36,7 +36,7 @@ from sat_collision.geometry.motion.prediction import (
 from sat_collision.geometry.motion.sweep import limits
 from sat_collision.geometry.numeric.ascending import contains
 from sat_collision.geometry.numeric.vectors import joined, LEAST, length, NOWHERE
-from sat_collision.geometry.sets.polygon_set import ascending, PolygonSet, rows_within
+from sat_collision.geometry.sets.polygon_set import NO_ROWS, PolygonSet, rows_within
 
 _TOLERANCE = 1e-3
 # How many segments are compared with the obstacles at once.
@@ -123,21 +123,19 @@ def first_contact_along(body: BodyLike, poses: ArrayLike,
     margin = limits(_TOLERANCE, margin)[1]
     polygon = as_polygon(body)
     bodies = obstacles if isinstance(obstacles, PolygonSet) else PolygonSet(obstacles)
-    return first_of_rows(polygon, path, bodies, margin, ())
+    return first_of_rows(polygon, path, bodies, margin)
 
 
 def first_of_rows(polygon: Polygon, path: NDArray[np.float64], bodies: PolygonSet, margin: float,
-                  skipped: Iterable[int]) -> PathContact | None:
-    """Return what `first_contact_along` does, for valid poses, leaving out some rows."""
+                  skipped: NDArray[np.int64] = NO_ROWS) -> PathContact | None:
+    """Return what `first_contact_along` does, for valid poses; leave out rows, ascending."""
     array, indexed = bodies._snapshot()
-    skipped = set(skipped)
-    placed = _placed(polygon, path[0])
-    for row in rows_within(array, indexed, placed, margin).tolist():
-        if row not in skipped:
-            return PathContact(0.0, 0.0, row)
+    near = rows_within(array, indexed, _placed(polygon, path[0]), margin)
+    if len(near) and len(near := near[~np.isin(near, skipped)]):
+        return PathContact(0.0, 0.0, int(near[0]))
     row, segment, share, distance = first_row_met_on(
         array, indexed, *polygon.packed, indexable(np.append(path, margin)),
-        indexable(ways_of(None, int(array[USED]), 1.0)), ascending(skipped))
+        indexable(ways_of(None, int(array[USED]), 1.0)), indexable(skipped))
     if row < 0:
         return None
     pose = segment + share

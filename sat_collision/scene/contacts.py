@@ -11,7 +11,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from array import array
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Generic, TypeAlias, TypeVar
 
 import numpy as np
@@ -20,7 +21,7 @@ from sat_collision.geometry.body.polygon import PackedBody, Polygon
 from sat_collision.geometry.motion.prediction import motion_of
 from sat_collision.geometry.path import first_of_rows
 from sat_collision.geometry.sets.packed_set import PackedSet
-from sat_collision.geometry.sets.polygon_set import Point
+from sat_collision.geometry.sets.polygon_set import NO_ROWS, Point
 from sat_collision.geometry.sets.run import Run
 from sat_collision.scene.footprints import Footprint
 from sat_collision.scene.obstacles import Body, Obstacle
@@ -48,7 +49,7 @@ class Contacts:
         self.moved: set[Footprint] = set()
         self.margin = margin
         self._footprints: _Placed[Footprint] = _Placed()
-        self._obstacles: _Placed[Obstacle] = _Placed()
+        self._obstacles = _PlacedObstacles()
 
     def use_margin(self, margin: float) -> None:
         """Decide all contacts again if the margin has changed."""
@@ -119,9 +120,8 @@ class Contacts:
         """
         if footprint.row is None:
             return None
-        left_out = [body.row for body in skipped if body.row is not None]
         found = self._obstacles.polygons.nearest_to(
-            self._footprints.polygons, footprint.row, left_out + self._unmonitored(footprint))
+            self._footprints.polygons, footprint.row, self._left_out(footprint, skipped))
         return found and (self._obstacles.bodies[found[0]], *found[1:])
 
     def nearest_rows(self, limit: int) -> set[int]:
@@ -140,9 +140,8 @@ class Contacts:
         if footprint.polygon is None:
             return None
         motion = motion_of(velocity.twist, seconds, velocity.pose, _TOLERANCE, self.margin)
-        skipped = [one.row for one in moving if one.row is not None]
         found = self._obstacles.polygons.first_met(
-            footprint.polygon, motion, skipped=skipped + self._unmonitored(footprint))
+            footprint.polygon, motion, skipped=self._left_out(footprint, moving))
         first = found and (self._obstacles.bodies[found[0]], found[1])
         if moving:
             polygons, velocities = zip(*moving.values())
@@ -155,14 +154,16 @@ class Contacts:
                       ) -> tuple[Obstacle, float, float] | None:
         """Return the obstacle first met on a path, and where, see `first_contact_along`."""
         found = first_of_rows(outline, poses, self._obstacles.polygons, self.margin,
-                              self._unmonitored(footprint))
+                              self._left_out(footprint))
         return found and (self._obstacles.bodies[found.row], found.pose, found.distance)
 
-    def _unmonitored(self, footprint: Footprint) -> list[int]:
-        if not footprint.settings.obstacles:
-            return []
-        return [row for row, obstacle in self._obstacles.bodies.items()
-                if not footprint.settings.monitors(obstacle.name.source)]
+    def _left_out(self, footprint: Footprint, skipped: Iterable[Obstacle] = ()
+                  ) -> NDArray[np.int64]:
+        """Return the rows of obstacles that a footprint does not monitor, and of those skipped."""
+        rows = (self._obstacles.rows_of_others(footprint.settings.monitors)
+                if footprint.settings.obstacles else NO_ROWS)
+        more = [one.row for one in skipped if one.row is not None]
+        return np.sort(np.append(rows, np.array(more, np.int64))) if more else rows
 
     def _monitored(self, footprint: Footprint, rows: list[int]) -> list[Obstacle]:
         obstacles = self._obstacles.bodies
@@ -208,6 +209,25 @@ class _Placed(Generic[_Kind]):
         body.row = None
         body.moved()
         return True
+
+
+class _PlacedObstacles(_Placed[Obstacle]):
+    """The placed obstacles, and which row is of which source; a free row is of its last one."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._numbers: dict[str, int] = {}  # of the sources
+        self._of_rows = array('l')
+
+    def _take(self, row: int, body: Obstacle) -> None:
+        super()._take(row, body)
+        number = self._numbers.setdefault(body.name.source, len(self._numbers))
+        self._of_rows[row:row + 1] = array('l', [number])
+
+    def rows_of_others(self, monitors: Callable[[str], bool]) -> NDArray[np.int64]:
+        """Return the rows of the sources that are not monitored, ascending."""
+        is_other = np.array([not monitors(name) for name in self._numbers], np.bool_)
+        return np.flatnonzero(is_other[np.asarray(self._of_rows)])
 
 
 def update_contacts(body: Body[Any], others: Iterable[_Other]) -> set[_Other]:

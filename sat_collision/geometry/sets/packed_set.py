@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sat_collision.geometry.body.layout import packed_sizes
 from sat_collision.geometry.compiled.jit import indexable
-from sat_collision.geometry.sets.polygon_set import ascending, Point, PolygonSet
+from sat_collision.geometry.sets.polygon_set import Point, PolygonSet
 from sat_collision.geometry.sets.run import Run, write_run
 from sat_collision.geometry.sets.set_kernels import hide_rows
 
@@ -51,12 +51,12 @@ class PackedSet(PolygonSet):
         count: int = write_run(run, self._array, rows, first, limit, others._array, margin)
         return count
 
-    def nearest_to(self, others: PackedSet, row: int, skipped: list[int]
+    def nearest_to(self, others: PackedSet, row: int, skipped: NDArray[np.int64]
                    ) -> tuple[int, float, Point, Point] | None:
-        """Return what `nearest` does for the body of a row of another set."""
+        """Return what `nearest` does for a row of another set; `skipped` are ascending."""
         packed, count = others._body(row)
         body = indexable(packed), count
-        return self._nearest(body, ascending(skipped)) if skipped else self._nearest(body)
+        return self._nearest(body, indexable(skipped))
 
     def nearest_rows(self, boxes: Iterable[tuple[float, float, float, float]],
                      limit: int) -> list[int]:

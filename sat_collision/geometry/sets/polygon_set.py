@@ -41,7 +41,7 @@ _FEWEST_DOUBLES = 1024
 # fewer a scan is as fast, and building the index takes as long as these queries do.
 _FEWEST_INDEXED = 500
 _QUERIES = 200 if COMPILED else 2 ** 62
-_NO_ROWS = np.empty(0, np.int64)
+NO_ROWS = np.empty(0, np.int64)
 _NO_BODIES = indexable(new_array(0, 0))
 
 
@@ -313,7 +313,7 @@ class PolygonSet:
             else:
                 outcome = write_row(self._array, row, packed, count)
                 if outcome == 0:
-                    found = near_rows(other_array, indexed, packed, count, margin, _NO_ROWS)[-1]
+                    found = near_rows(other_array, indexed, packed, count, margin, NO_ROWS)[-1]
             if outcome == NO_ROOM:
                 self._make_room([row], np.array([size_of(body)]))
             elif outcome == UNCHANGED:
@@ -382,7 +382,7 @@ class PolygonSet:
         packed, count = as_polygon(body).packed
         array, indexed = self._shared or self._snapshot()
         found = intersecting_rows(array, indexed, packed, count)
-        return _NO_ROWS if found is None else np.asarray(found)
+        return NO_ROWS if found is None else np.asarray(found)
 
     def rows_within(self, body: BodyLike, margin: float) -> NDArray[np.int64]:
         """
@@ -432,7 +432,7 @@ class PolygonSet:
         """
         return self._nearest(as_polygon(body).packed, ascending(skipped))
 
-    def _nearest(self, body: PackedBody, skipped: NDArray[np.int64] = _NO_ROWS
+    def _nearest(self, body: PackedBody, skipped: NDArray[np.int64] = NO_ROWS
                  ) -> tuple[int, float, Point, Point] | None:
         """Return the same for a packed body; `skipped` are in ascending order."""
         row, separation, ax, ay, bx, by, _ = near_rows(
@@ -472,18 +472,17 @@ class PolygonSet:
 
     def _first_met(self, footprint: BodyLike, motion: NDArray[np.float64],
                    velocities: ArrayLike | None = None,
-                   skipped: Iterable[int] = ()) -> tuple[int, float] | None:
-        """Return the same for a `prediction.Motion`, leaving out the rows skipped."""
+                   skipped: NDArray[np.int64] = NO_ROWS) -> tuple[int, float] | None:
+        """Return the same for a `prediction.Motion`; leave out the rows skipped, ascending."""
         polygon = as_polygon(footprint)
         array, indexed = self._snapshot()
         ways = ways_of(velocities, int(array[USED]), motion[5])
-        skipped = set(skipped)
-        for row in rows_within(array, indexed, polygon, float(motion[-1])).tolist():
-            if row not in skipped:
-                return row, 0.0
+        near = rows_within(array, indexed, polygon, float(motion[-1]))
+        if len(near) and len(near := near[~np.isin(near, skipped)]):
+            return int(near[0]), 0.0
         packed, count = polygon.packed
         row, time = first_row_met(array, indexed * (velocities is None), packed, count,
-                                  indexable(motion), indexable(ways), ascending(skipped))
+                                  indexable(motion), indexable(ways), indexable(skipped))
         return None if row < 0 else (row, time)
 
     def intersects(self, body: BodyLike) -> NDArray[np.bool_]:
@@ -581,8 +580,8 @@ def rows_within(array: Any, indexed: int, body: Polygon, margin: float) -> NDArr
     """Return the rows of a set that are no further than a margin from a body."""
     packed, count = body.packed
     found = (intersecting_rows(array, indexed, packed, count) if margin == 0.0
-             else near_rows(array, indexed, packed, count, margin, _NO_ROWS)[-1])
-    return _NO_ROWS if found is None else np.asarray(found)
+             else near_rows(array, indexed, packed, count, margin, NO_ROWS)[-1])
+    return NO_ROWS if found is None else np.asarray(found)
 
 
 def ascending(rows: Iterable[int]) -> NDArray[np.int64]:

@@ -122,12 +122,6 @@ def test_obstacles_of_other_sources_do_not_count():
     world.monitor.receive('robot.path', path(STRAIGHT), world.now, None)
     world.monitor.paths.check(world.now)
     assert world.scene.path_checks['robot'].metres == pytest.approx(6.5, abs=1e-6)
-    # The place in the set that the map gives up is taken by the other one.
-    world.send_map('map')
-    world.send_map('other', box(7, -0.5), AHEAD)
-    world.send_map('map', box(3, -0.5))
-    world.monitor.paths.check(world.now)
-    assert world.scene.path_checks['robot'].metres == pytest.approx(4.5, abs=1e-6)
 
 
 def test_what_is_unknown_is_said():

@@ -72,6 +72,21 @@ def test_placing_a_body_where_it_already_is_changes_nothing(contacts):
     assert person.polygon.bounds == (2, 0, 3, 1)
 
 
+def test_row_that_another_source_takes_is_monitored_by_that(contacts):
+    """An obstacle takes the row of one that was removed."""
+    robot = Footprint(replace(ROBOT, obstacles=('tracks',)))
+    contacts.place_footprint(robot, square(0).packed)
+    other, = obstacles(contacts, 1)
+    contacts.place_obstacle(other, square(2).packed)
+    assert contacts.nearest(robot) is None
+    contacts.remove_obstacle(other)
+    track = Obstacle(KeyedGroup(ObstacleStore('tracks', contacts)), 'tracks', 1)
+    contacts.place_obstacle(track, square(3).packed)
+    contacts.place_obstacle(other, square(2).packed)
+    assert contacts.nearest(robot)[:2] == (track, 2.0)
+    assert contacts.nearest(robot, [track]) is None
+
+
 def test_removed_body_has_no_contacts_and_no_polygon(contacts, robot):
     """Removing a body twice is harmless."""
     person, wall = obstacles(contacts, 2)

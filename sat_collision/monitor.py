@@ -109,10 +109,10 @@ class Monitor:
         self.received[name] += len(messages)
         if name in self.commands.names:
             return self.commands.receive(name, messages, now)
+        self._pass_time(now)
         if name in self.paths.names:
             self.paths.receive(name, messages[-1])
             return _NOTHING
-        self._pass_time(now)
         rejections: Sequence[Rejection] = _NOTHING
         batch = Batch(messages, number) if name in self.ingest.headers else None
         applied = 0

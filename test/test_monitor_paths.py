@@ -565,6 +565,38 @@ def test_clock_that_is_set_forgets_the_path():
     assert math.isnan(world.check().metres)
 
 
+def test_path_that_tells_that_the_clock_was_set_counts():
+    """It is the first message after that."""
+    world = at_start(AHEAD)
+    world.time = -100.0
+    world.plan(STRAIGHT, world.now)
+    world.move(-99.9, 0.0)
+    world.send_map('map', AHEAD)
+    assert world.check().metres == pytest.approx(4.5, abs=1e-6)
+
+
+def test_path_of_before_the_clock_starts_is_judged_when_it_has():
+    """A good one counts, and one from the future is refused."""
+    for stamp, reasons in (0, []), (2000 * SECOND, ['from the future']):
+        world = Follower()
+        world.monitor.receive('robot.path', path(STRAIGHT, stamp), 0)
+        assert world.monitor.paths.check(0) == []
+        world.move(0.0, 0.0)
+        world.check()
+        assert world.reasons == reasons and math.isnan(world.check().metres) is bool(reasons)
+
+
+def test_path_that_was_too_long_counts_when_it_may_be_so_long():
+    """A plan that is sent once; it is refused once."""
+    world = at_start(AHEAD, settings={'max_path_poses': 10})
+    world.plan(STRAIGHT)
+    for most, known in (20, False), (21, True), (10, True):
+        world.settings = replace(world.settings, max_path_poses=most)
+        world.monitor.update(world.settings)
+        assert math.isnan(world.check().metres) is not known
+    assert world.reasons == ['too many poses']
+
+
 def test_a_footprint_without_outline_has_no_path():
     with pytest.raises(ParameterError, match='robot.path: a path moves the frame'):
         check_outlines(Settings((FootprintSettings('robot', '/f', path='/plan'),), (MAP,)))

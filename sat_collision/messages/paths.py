@@ -82,17 +82,23 @@ class Paths:
         return rejections
 
     def read(self, settings: PathSettings, now: int) -> list[Rejection]:
-        """Decode a path that was received; return the Rejection if it is refused."""
-        latest = self._latest[settings.name]
-        if not latest.data or latest.path or latest.problem:
+        """
+        Decode a path that was received, once the clock runs; return the Rejection if refused.
+
+        One of too many poses is decoded again when it may have so many.
+        """
+        latest, most = self._latest[settings.name], self._scene.settings.max_path_poses
+        if not (now and latest.data) or latest.path or (
+                latest.problem and not 0 < latest.too_many <= most):
             return []
-        most = self._scene.settings.max_path_poses
+        latest.problem, latest.too_many = '', 0
         try:
             latest.stamp, latest.frame_id, poses = decode_path(latest.data, most)
         except MessageError as error:
             problem = UNDECODABLE, str(error)
         else:
             if isinstance(poses, int):
+                latest.too_many = poses
                 problem = TOO_MANY_POSES, f'{poses} poses, where max_path_poses is {most}'
             elif not len(poses):
                 latest.is_empty = True
@@ -102,7 +108,7 @@ class Paths:
                 problem = BAD_PATH, f'a number is not finite, or beyond {_FARTHEST:g}'
             elif not latest.frame_id:
                 problem = EMPTY_FRAME_ID, 'its header names no frame'
-            elif now and latest.stamp > now + self._scene.settings.future_tolerance * 1e9:
+            elif latest.stamp > now + self._scene.settings.future_tolerance * 1e9:
                 problem = FROM_FUTURE, detail_of(
                     FROM_FUTURE, '', '', (now - latest.stamp) / 1e9, 0.0)
             else:
@@ -170,4 +176,5 @@ class ReceivedPath:
     path: FollowedPath | None = None  # None, too, if it is empty or was refused
     is_empty: bool = False
     problem: str = ''  # why there is none
+    too_many: int = 0  # the number of its poses, if it was refused for that
     fault: str = ''  # why no other can come

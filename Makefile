@@ -11,14 +11,13 @@ demo: $(VENV)/demo.stamp
 # Each of the many processes that tests start would compile the whole package again.
 unexport PYTHONDONTWRITEBYTECODE
 
-# Three at a time, because tests of nodes mostly wait.
-test: TESTS = -m 'not long' -n 3
-test-all: TESTS = -n 2
+# More at a time than there are cores, because tests of nodes mostly wait.
+test: TESTS = -m 'not long'
 test-all: $(VENV)/messages.stamp
 test test-all: $(VENV)/test.stamp
 	$(BIN)/python -m mypy
 	$(BIN)/python -m sat_collision.replay.kernels
-	$(BIN)/python -m pytest --dist worksteal $(TESTS)
+	$(BIN)/python -m pytest --dist worksteal -n 3 $(TESTS)
 
 # Lines and branches that tests run, without the longest tests: kernels as plain Python, the node
 # as it is.

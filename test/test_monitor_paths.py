@@ -323,7 +323,7 @@ def test_random_paths_by_travel_as_shapely_sees_them():
     rng = np.random.default_rng(8)
     outline = np.reshape(OUTLINE, (-1, 2))
     count = 0
-    for _ in range(250):
+    for _ in range(100):
         places = rng.uniform(-4.0, 4.0, (rng.integers(2, 6), 2)).round(1)
         post = rng.uniform(-3.0, 3.0, (1, 2)) + rng.uniform(-0.3, 0.3, (3, 2))
         world = Follower(post)
@@ -358,7 +358,7 @@ def test_random_paths_by_travel_as_shapely_sees_them():
             assert near[k:np.searchsorted(metres, found.metres + 0.03)].min() <= 0.03
         else:
             assert not len(met)
-    assert count > 30
+    assert count > 12
 
 
 def test_path_in_another_frame_waits_for_its_transform():

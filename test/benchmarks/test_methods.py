@@ -70,7 +70,7 @@ def all_answers(count, n):
     return found
 
 
-@pytest.mark.parametrize('count', [150, pytest.param(300, marks=pytest.mark.long)])
+@pytest.mark.parametrize('count', [50, pytest.param(300, marks=pytest.mark.long)])
 @pytest.mark.parametrize('n', [3, 24])
 @pytest.mark.parametrize('name', families.CONVEX)
 def test_filtered_orientations_are_never_wrong(name, n, count):
@@ -155,7 +155,7 @@ def test_published_readings_are_wrong_on_their_examples(method, pair):
     assert answers(method, [pair])[0] != truth
 
 
-@pytest.mark.parametrize('n', [4, 16, 64])
+@pytest.mark.parametrize('n', [pytest.param(4, marks=pytest.mark.long), 16, 64])
 def test_published_a_errs_in_one_direction_and_b_in_both(n):
     pairs = pairs_of('near', 2000, n)
     truth = oracle.intersects_pairs(pairs)[0]
@@ -255,6 +255,7 @@ def test_touching_bodies_have_no_gap():
     assert stability.gap_in_units(square, square + (2.0**-50, 0.0), True) > 0
 
 
+@pytest.mark.long
 def test_exact_stage_is_used_only_for_touching_bodies():
     square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
     others = [square + (3.0, 0.0), square + (0.5, 0.5), square + (1.0, 0.0)]

@@ -489,22 +489,21 @@ SITUATIONS = {
            ('empty polygons', True, {}, 0.4), ('nothing declared', False, _NO_MARKS, 1.5),
            ('empty polygons that are not declared', True, _NO_MARKS, 1.5))},
     **{f'the first of a set has a stamp {what}: {form}': Situation(
-        _lasting(4.0, publishers.slow_clock, behind=behind), promise, parameters,
-        is_short=behind > 0.0 and not parameters)
+        _lasting(4.0, publishers.slow_clock, behind=behind), promise, parameters)
        for what, behind in (('of the set before', 0.0), ('older than the set before', 0.15))
        for form, parameters, promise in (
            ('empty polygons', {}, 0.3), ('nothing declared', _NO_MARKS, 1.4))},
     'a map is sent again by a clock that was set back': Situation(
         _lasting(4.0, publishers.map_sent_again, set_back=100.0), 1.0, _MAP, is_short=True),
     'the static transform of the frame of a map is corrected': Situation(
-        _map_moves, 1.0, {**_LATCHED_MAP, 'frame_id': 'map'}, is_short=True),
+        _map_moves, 1.0, {**_LATCHED_MAP, 'frame_id': 'map'}),
     'a map of more than half of max_count is sent again': Situation(
         _map_grows, 1.0, {**_MAP, 'obstacle.max_count': 8}),
     **{f'two messages of one id with one stamp, the id {instance}': Situation(
         _lasting(4.0, publishers.same_stamp, instance=instance, **_IDS), 1.4, _BY_ID)
        for instance in (0, 7)},
     'no message can be decoded any more': Situation(
-        _undecodable, 1.0, _SHORT, is_short=True,
+        _undecodable, 1.0, _SHORT,
         says='has sent nothing of use for longer than its timeout of 1 s: a message was refused: '
              'undecodable'),
     'the last of a set comes 90 ms after the others': Situation(
@@ -564,7 +563,7 @@ SITUATIONS = {
     'the server of a latched map is killed and respawned': Situation(
         _respawned(publishers.latched, Publisher.kill, qos=LATCHED), 21.0, _LATCHED_MAP),
     'the clock steps back by 50 ms, with a latched map': Situation(
-        _clock_stepped, 1.0, {**_LATCHED_MAP, 'use_sim_time': True}, is_short=True),
+        _clock_stepped, 1.0, {**_LATCHED_MAP, 'use_sim_time': True}),
     'a latched source is disabled and enabled': Situation(_enabled_again, 1.0, _LATCHED_MAP),
 }
 

@@ -76,8 +76,8 @@ def test_change_of_a_called_kernel_is_noticed(package):
     assert run(package) == (14.0, 0, 'None')
 
 
-@pytest.mark.parametrize('numba_is', [
-    'tried', pytest.param('unknown', marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize('numba_is', ['tried', 'unknown'])
 def test_change_of_a_kernel_in_another_folder_is_noticed(package, numba_is):
     beside = package.parent / 'motion'
     beside.mkdir()
@@ -280,6 +280,7 @@ def test_versions_tried_include_the_one_here():
     assert HAS_OWN_CACHE
 
 
+@pytest.mark.long
 def test_unknown_numba_is_used_as_it_is(package):
     """
     With a version that was not tried, kernels are compiled and kept by numba itself.

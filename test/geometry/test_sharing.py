@@ -51,7 +51,7 @@ def frequent_switches():
     sys.setswitchinterval(before)
 
 
-@pytest.mark.parametrize('times', [200, pytest.param(1000, marks=pytest.mark.long)])
+@pytest.mark.parametrize('times', [60, pytest.param(1000, marks=pytest.mark.long)])
 @pytest.mark.parametrize('query', QUERIES.values(), ids=QUERIES)
 def test_queries_of_one_set_from_several_threads(query, times, frequent_switches):
     """Each thread gets the answers that one thread gets."""

@@ -107,6 +107,7 @@ def ended(process):
     return process.returncode, output
 
 
+@pytest.mark.long
 def test_what_to_try_works(launch, run, peer):
     """The log names a command that publishes what the node checks."""
     process = launch()
@@ -296,6 +297,7 @@ def test_first_log_lines(launch):
     output_until(process, 'obstacle: PolygonStamped on /seen')
 
 
+@pytest.mark.long
 def test_no_kernel_is_compiled_after_the_start(domain):
     """No message waits for the compiler."""
     pytest.importorskip('numba')

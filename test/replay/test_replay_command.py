@@ -260,6 +260,7 @@ def test_report_without_space_does_not_take_the_outputs_with_it(bags, tmp_path, 
     assert re.fullmatch('replay_check: standard output: .*No space left on device\n', done.stderr)
 
 
+@pytest.mark.long
 def test_bag_without_space_does_not_take_the_verdict_with_it(bags, tmp_path):
     """It is not whole, as a problem of the recording says, and is missed where all is expected."""
     stored = str(tmp_path / 'stored.json')
@@ -402,6 +403,7 @@ def on_terminal(*arguments, **environment):
     return shown.decode()
 
 
+@pytest.mark.long
 def test_verdicts_have_colours_on_a_terminal_only(bags):
     """Unless NO_COLOR is set or the terminal is dumb."""
     given = bags['clear'], bags['collision']

@@ -191,6 +191,7 @@ def test_motion_between_two_transforms_is_an_arc(tmp_path):
         pytest.approx(nanoseconds(time), abs=1e4) for time in (1.25, 2.75)]
 
 
+@pytest.mark.long
 def test_recording_longer_than_the_transform_buffer(tmp_path):
     """A pose every half second for 40 s."""
     result = run(tmp_path / 'bag', turn([post_passed_at(0.61)], until=40.0), WITH_ARM)

@@ -331,6 +331,7 @@ def test_closed_output_is_no_error(bags, tmp_path):
     assert len(json.loads(result.read_text())['bags']) == 4
 
 
+@pytest.mark.long
 def test_interrupt_ends_all_processes(tmp_path):
     """Waiting recordings are not started."""
     bag = str(write(tmp_path / 'bag', drive(60.0)))

@@ -97,6 +97,7 @@ def test_library_says_that_it_compiles(start, tmp_path):
     assert (result.stdout, result.stderr) == ('True\n', '')
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('start', [(MARK,)], indirect=True, ids=['without the mark'])
 def test_program_that_has_kernels_may_check_a_recording(start, tmp_path):
     """Plain Python is not chosen for few messages where kernels are in use already."""

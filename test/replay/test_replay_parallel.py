@@ -99,7 +99,8 @@ def test_progress_of_several_jobs_counts_recordings(bags, monkeypatch):
     assert shown == [0.25, 0.5, 0.75]
 
 
-@pytest.mark.parametrize('fault', (dies, pytest.param(fails, marks=pytest.mark.long)))
+@pytest.mark.long
+@pytest.mark.parametrize('fault', (dies, fails))
 def test_lost_process_is_retried(bags, tmp_path, monkeypatch, fault):
     """No result is lost or doubled."""
     monkeypatch.setattr(parallel, 'check_one', functools.partial(
@@ -118,7 +119,8 @@ def with_a_bag(path, options, marks):
     return CHECK_ONE(path, options)
 
 
-@pytest.mark.parametrize('on_cluster', [False, pytest.param(True, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize('on_cluster', [False, True])
 def test_bag_of_a_lost_process_is_written_anew(bags, tmp_path, monkeypatch, request, on_cluster):
     monkeypatch.setattr(parallel, 'check_one', functools.partial(with_a_bag, marks=str(tmp_path)))
     options = replace(OPTIONS, as_live=True, write_bag=str(tmp_path / 'out'))
@@ -191,6 +193,7 @@ def test_lost_worker_is_retried(bags, tmp_path, monkeypatch, cluster, fault):
     assert all(not result.problems for result in results)
 
 
+@pytest.mark.long
 def test_cluster_without_workers_left_is_reported(bags, tmp_path, monkeypatch):
     """Instead of waiting for ever: here its one worker dies, and nothing starts it again."""
     distributed = pytest.importorskip('distributed')
@@ -249,7 +252,7 @@ def test_signal_leaves_no_temporary_files(long_bags, tmp_path, number, jobs):
     assert [*temporary.iterdir()] == []
 
 
-@pytest.mark.parametrize('count', (1, 2))
+@pytest.mark.parametrize('count', (1, pytest.param(2, marks=pytest.mark.long)))
 def test_interrupt_leaves_no_part_of_a_bag(long_bags, tmp_path, count):
     """Neither under its name nor in a hidden folder, though it ends the processes of jobs, too."""
     process = subprocess.Popen(
@@ -265,6 +268,7 @@ def test_interrupt_leaves_no_part_of_a_bag(long_bags, tmp_path, count):
     assert [*tmp_path.rglob('*')] == [tmp_path / 'out'] * (count - 1)
 
 
+@pytest.mark.long
 def test_command_on_jobs_and_cluster(cluster, capsys):
     """Output and exit status are the same."""
     recordings = [str(published(name)) for name in NAMES]

@@ -63,7 +63,7 @@ def distance(a, b, stamp):
     return geometry(a.at(stamp)).distance(geometry(b.at(stamp)))
 
 
-@pytest.mark.parametrize('samples', [500, pytest.param(2000, marks=pytest.mark.long)])
+@pytest.mark.parametrize('samples', [200, pytest.param(2000, marks=pytest.mark.long)])
 def test_bodies_with_ids_against_dense_samples(tmp_path, samples):
     """
     A sample in contact lies within a contact found, whose ends both touch.

@@ -506,13 +506,14 @@ def compared(recorded, result, footprint, rng):
     return seen
 
 
-@pytest.mark.parametrize('first', [
-    0, *(pytest.param(first, marks=pytest.mark.long) for first in range(250, 1750, 250))])
+@pytest.mark.parametrize('first, end', [
+    (0, 100), *(pytest.param(first, first + 275, marks=pytest.mark.long)
+                for first in range(100, 1750, 275))])
 @pytest.mark.parametrize('form', FORMS)
-def test_recordings_agree_with_the_oracle(tmp_path, form, first):
+def test_recordings_agree_with_the_oracle(tmp_path, form, first, end):
     """Contacts, undetermined and clear times of random recordings (I2, I3)."""
-    seen = sum(compare(seed, form, tmp_path / 'recording') for seed in range(first, first + 250))
-    assert form is None or (seen > 50).all()
+    seen = sum(compare(seed, form, tmp_path / 'recording') for seed in range(first, end))
+    assert form is None or (seen > 30).all()
 
 
 @pytest.mark.parametrize('form', FORMS)

@@ -231,7 +231,8 @@ def drawn(made):
     return draw_picture(made())
 
 
-RESULTS = [of_warehouse, of_crowd, of_nothing, of_long, of_published('tysik_front_scan_polygons'),
+RESULTS = [of_warehouse, pytest.param(of_crowd, marks=pytest.mark.long), of_nothing, of_long,
+           of_published('tysik_front_scan_polygons'),
            of_published('autoware_ego_trajectory_boxes', pytest.mark.long),
            of_published('commonroad_BEL_Zaventem-1_2_T-1', pytest.mark.long)]
 

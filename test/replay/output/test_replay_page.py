@@ -260,6 +260,7 @@ def test_short_bar_is_visible_on_a_long_axis(page, tmp_path):
     assert shown.text('#clock').startswith('169.') or shown.text('#clock').startswith('170.')
 
 
+@pytest.mark.long
 def test_several_recordings_have_an_index_with_the_worst_first(page, tmp_path, capsys):
     """By verdict, then by separation; a damaged one has no drawing."""
     bags = {'clear': drive(3.0, contact=(0, 0)), 'touching': drive(3.0, contact=(1.0, 1.5)),
@@ -479,7 +480,8 @@ def with_times_to_collision(of_warehouse):
     return path
 
 
-@pytest.mark.parametrize('width', (1280, 390, 100))
+@pytest.mark.parametrize('width', (
+    1280, *(pytest.param(width, marks=pytest.mark.long) for width in (390, 100))))
 def test_time_to_collision_has_a_title_and_a_unit(page, with_times_to_collision, width):
     """Above its panel, which has an axis; no width is negative, even on the narrowest page."""
     shown = page(with_times_to_collision)
@@ -532,6 +534,7 @@ def test_page_of_many_recordings_has_at_most_eight_megabytes(tmp_path):
     assert 3_000_000 < (tmp_path / 'page.html').stat().st_size <= 8_000_000
 
 
+@pytest.mark.long
 def test_tables_of_many_recordings_say_how_much_more_there_is(tmp_path):
     """Of twelve recordings, each with more contacts and unknown times than its share can hold."""
     result = Result('bag', origin=0, start=0, end=2000 * 10**9)

@@ -431,7 +431,7 @@ class _Check:
         for rejection in rejections:
             if self._motion and rejection.reason != OVERTAKEN:
                 self._place(self._untaken)
-                self._motion.lose(rejection.name)
+                self._motion.lose(rejection.name, self._now)
             if rejection.reason == UNDECODABLE:
                 self._undecodable.setdefault(rejection.topic, []).append(rejection.detail)
             self._examples.setdefault(rejection.name, {}).setdefault(

@@ -122,9 +122,8 @@ class Sweep:
         """Drop the queued steps in other frames."""
         self._waiting = deque(one for one in self._waiting if one[1].frame_id == frame_id)
 
-    def finish(self, end: int) -> None:
+    def finish(self) -> None:
         """Decide all that is left."""
-        self.trajectory.stand(end)
         while self._waiting:
             self._decide()
         for one in self._contact_trackers.values():
@@ -237,15 +236,17 @@ class RecordedMotion:
             if sweep.prediction and settings and settings.name == name:
                 sweep.prediction.command(command)
 
-    def lose(self, name: str) -> None:
+    def lose(self, name: str, now: int) -> None:
         """Reset the pose of a footprint until its next message; obstacles stay where they are."""
         if name in self._sweeps:
-            self._sweeps[name].trajectory.lose()
+            self._sweeps[name].trajectory.lose(now)
 
     def finish(self, end: int) -> None:
         """Decide all remaining steps at the end of the recording, and complete the results."""
         self._unknowns.finish(end)
         self._now = end
+        for sweep in self._sweeps.values():
+            sweep.trajectory.stand(end)
         latest = [sweep.trajectory.latest for sweep in self._sweeps.values()]
         # Obstacles after the last footprint are of no interest.
         last = max((time for time in latest if time is not None), default=end)
@@ -255,7 +256,7 @@ class RecordedMotion:
         for name, sweep in self._sweeps.items():
             result = sweep.result
             result.last = sweep.trajectory.newest
-            sweep.finish(end)
+            sweep.finish()
             if self._drawing:
                 self._drawing.show(name, sweep.trajectory)
             sweep.contacts.draw_curve(self.unknown)
@@ -310,7 +311,7 @@ class RecordedMotion:
             poses = Poses(self._transforms, sweep.settings.frame_id,
                           placement.single).between(begin, stamp)
             if poses is None:
-                trajectory.lose()
+                trajectory.lose(begin)
             for time, affine in poses or ():
                 self._add(sweep, time, sweep.sample(SetBatch(
                     [[placement._replace(stamp=time, affine=affine)]]), is_between=True))

@@ -92,19 +92,14 @@ class Trajectory:
                 begin - self.longest <= time < begin
                 or time == begin and np.array_equal(sample.ring(0), last.ring(0))):
             return
+        if begin is not None and begin + self.longest < time:
+            self.stand(time)
+        if not (self._has_moved or np.array_equal(sample.ring(0), last.ring(0))):
+            self._leave()
+        stood, self._stood = self._stood, None
         self._last, self.latest = (time, sample), time
         self.newest = max(time, self.newest or time)
-        stood, self._stood = self._stood, None
-        is_there = self._never_stale and np.array_equal(sample.ring(0), last.ring(0))
-        self._has_moved |= not is_there
-        if begin is None or time <= begin:
-            self._append(Link(sample, sample))
-        elif is_there and (stood or last).begin < time:
-            self._append(Link(stood or last, sample))
-        elif stood:
-            # It is not known when it left the place where it stood.
-            first, _ = self.known.pop()
-            self.known.append((first, begin))
+        if begin is None or time <= begin or stood:
             self._append(Link(sample, sample))
         elif sample.followed if sample.follows(last) else time - begin <= self.longest and (
                 last.rings[0, COUNT] == sample.rings[0, COUNT]):
@@ -112,9 +107,17 @@ class Trajectory:
         else:
             self._append(Link(sample, sample))
 
-    def lose(self) -> None:
-        """Reset the pose: it is unknown until the next sample."""
+    def lose(self, time: int) -> None:
+        """Reset the pose: from a time on it is unknown until the next sample."""
+        self.stand(time)
+        self._leave()
         self._last = self._stood = None
+
+    def _leave(self) -> None:
+        """Record that it may have been elsewhere; it is not known since when."""
+        if self._stood and self._last and not self._has_moved:
+            first, _ = self.known.pop()
+            self.known.append((first, self._last[0]))
         self._has_moved = True
 
     def begin_of_link(self, until: int) -> int | None:
@@ -127,7 +130,7 @@ class Trajectory:
         """
         Let a footprint that never times out stand until a time.
 
-        This is what the node holds. That it stands there is known only if it never moved.
+        This is what the node holds. That it stands there is known only if it is never elsewhere.
         """
         if not self._never_stale or self._last is None:
             return

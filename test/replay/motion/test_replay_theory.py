@@ -93,6 +93,8 @@ class Recorded:
         self.timeout = self.own_timeout = self.scale * SECOND // 2
         if is_late and seed % 3:
             self.own_timeout = SECOND // 5
+        # Some footprints never time out, but stand.
+        self.stands = is_slow and seed % 3 > 0
         self.longest = min(self.timeout, LONGEST)
         # From a tenth to three times the timeout.
         footprints = () if beside else FOOTPRINTS[:rng.integers(1, 3)]
@@ -116,14 +118,12 @@ class Recorded:
         self.broken = []
         # Where it depends on the order of messages whether it is known that a set is not whole.
         self.unclear = []
-        self.own = {}
+        # By footprint its pieces, and when it is held in one place, though it may be elsewhere.
+        self.own, self.unsure = {}, {}
         self.messages = []
         for name, found in self.samples.items():
             refused = [int(rng.integers(self.end)) for _ in found if rng.random() < self._rate]
-            self.own[name] = [
-                Piece(time, x, after, next_x) for (time, x), (after, next_x)
-                in zip(found, found[1:]) if 0 < after - time <= min(self.own_timeout, LONGEST)
-                and not any(time < at < after for at in refused)]
+            self.own[name], self.unsure[name] = self._way(found, refused)
             self.messages += [(name, time, 0, x) for time, x in found]
             self.messages += [(name, time, REFUSED, None) for time in refused]
         places = [dict(self._samples(range(2 * len(times)), k)) for k in range(1, self.count + 1)]
@@ -161,6 +161,23 @@ class Recorded:
         start = rng.integers(-24, 25)
         # Around the start, so that bodies meet.
         return [*zip(times, (start + steps).tolist())]
+
+    def _way(self, samples, refused):
+        """Return the pieces of a footprint, and when it is held but may not be there."""
+        pieces, unsure, has_moved = [], [], False
+        longest = LONGEST if self.stands else min(self.own_timeout, LONGEST)
+        for (time, x), (after, next_x) in zip(samples, [*samples[1:], (2 * self.end, None)]):
+            is_refused = any(time < at < after for at in refused)
+            is_last = next_x is None
+            if 0 < after - time <= longest and not is_last and not is_refused:
+                pieces.append(Piece(time, x, after, next_x))
+            elif self.stands and time < after:
+                until = min((at for at in refused if time < at), default=after)
+                pieces.append(held(time, x, min(until, after)))
+                if has_moved or is_refused or x != next_x and not is_last:
+                    unsure.append((time, after))
+            has_moved |= is_refused or x != next_x
+        return pieces, unsure
 
     def _with_ids(self, times, places):
         sent = []
@@ -409,7 +426,8 @@ class Recorded:
     def result(self, path, delays=(0, 0), **options):
         """Return what is found in it, with some options."""
         parameters = {'footprints': [*self.samples], 'obstacles': [*self.sources],
-                      **{f'{one}.timeout': self.own_timeout / SECOND for one in self.samples},
+                      **{f'{one}.timeout': 0.0 if self.stands else self.own_timeout / SECOND
+                         for one in self.samples},
                       'future_tolerance': 0.1}
         for name, source in self.sources.items():
             parameters[f'{name}.timeout'] = source.timeout / SECOND
@@ -500,7 +518,8 @@ def compared(recorded, result, footprint, rng):
                 first <= time <= last for first, last in recorded.unclear):
             continue
         expected = distances is None or any(
-            first <= time <= last for first, last in recorded.undetermined)
+            first <= time <= last for first, last in (*recorded.undetermined,
+                                                      *recorded.unsure[name]))
         assert is_in(undetermined, time) == expected, (forms, name, time, 'undetermined')
         seen += [touches, expected, not touches and not expected]
     return seen

@@ -107,9 +107,9 @@ class Monitor:
         The number is that of the first message.
         """
         self.received[name] += len(messages)
+        self._pass_time(now)
         if name in self.commands.names:
             return self.commands.receive(name, messages, now)
-        self._pass_time(now)
         if name in self.paths.names:
             self.paths.receive(name, messages[-1])
             return _NOTHING

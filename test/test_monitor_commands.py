@@ -208,9 +208,30 @@ def test_step_back_in_time_drops_commands():
     assert world.prediction is None and world.velocity.endswith('no command on /cmd_vel yet')
 
 
+def test_first_command_after_a_step_back_in_time_counts():
+    world = Driven(AHEAD)
+    world.move(5.0, 0.0)
+    world.time = 0.1
+    assert world.drive(1.0) is None
+    world.move(0.2, 0.0)
+    assert world.velocity.startswith('1.000 m/s')
+
+
 def test_commands_of_a_disabled_footprint_are_ignored():
     world = Driven(AHEAD, enabled=False)
     assert world.drive(math.nan) is None and not world.monitor.rejected
+
+
+def test_command_of_before_it_was_disabled_does_not_count():
+    """It was told to stand; while it is disabled it is told to go on."""
+    world = Driven(AHEAD, timeout=2.0)
+    world.move(0.0, 0.0)
+    world.drive(0.0)
+    world.use(enabled=False)
+    world.drive(1.0)
+    world.use(enabled=True)
+    world.move(0.3, 0.3)
+    assert world.prediction is None and world.velocity.endswith('no command on /cmd_vel yet')
 
 
 def test_commands_need_an_outline():

@@ -366,6 +366,30 @@ def test_velocity_by_odometry():
     assert world.scene.velocity('robot')[2] == 'transforms'
 
 
+def test_old_odometry_gives_no_velocity():
+    """It said that the robot stands and is silent; another publisher moves its frame at 1 m/s."""
+    world = OutlineWorld(replace(ROBOT, odometry='odometry'))
+    world.scene.tracks_motion = True
+    world.receive_odometry(0.0, 0.0, twist=(0.0, 0.0, 0.0))
+    origins = []
+    for k in range(1, 12):
+        world.move(k / 5, k / 5)
+        origins.append(world.scene.velocity('robot')[2])
+    assert origins == 5 * ['odometry'] + 6 * ['transforms']
+
+
+def test_changed_outline_is_no_motion():
+    """It is shifted back by 0.1 m while the robot drives at 1 m/s."""
+    world = OutlineWorld()
+    world.scene.tracks_motion = True
+    for k in range(3):
+        world.move(k / 10, k / 10)
+    world.use(points=tuple(v - 0.1 * (k % 2 == 0) for k, v in enumerate(ROBOT.points)))
+    assert world.scene.velocity('robot') == ''
+    world.move(0.3, 0.3)
+    assert world.scene.velocity('robot')[0] == pytest.approx((1.0, 0.0, 0.0), abs=1e-6)
+
+
 @pytest.mark.parametrize('parent', ['odom', 'earth'])
 def test_odometry_of_another_body_is_refused(parent):
     """The outline is placed by /tf; the velocity of another robot is not its own."""

@@ -119,6 +119,26 @@ def test_time_is_infinite_beyond_the_horizon_and_at_rest():
         math.inf, None, ((0, 0, 0), pytest.approx((0.14, 0, 0)), 'footprints'), math.inf, ())
 
 
+@pytest.mark.parametrize('change', ['min_time_to_collision', 'subscription'])
+def test_velocity_is_not_that_across_a_time_without_tracking(change):
+    """It stands; while its motion is of no interest, it goes back; then it comes at 1 m/s."""
+    world = Predicted([AHEAD], min_time_to_collision=2.0 * (change != 'subscription'))
+
+    def track(is_on):
+        world.scene.tracks_motion = is_on and change == 'subscription'
+        if change != 'subscription':
+            world.use(min_time_to_collision=2.0 * is_on)
+    track(True)
+    world.drive(0.0, 0.1, speed=0.0)
+    track(False)
+    world.drive(0.2, speed=-1.0)
+    track(True)
+    world.drive(0.3, speed=0.0)
+    assert world.prediction is None
+    world.drive(0.4, speed=0.25)
+    assert world.seconds == pytest.approx(1.9, abs=1e-3)
+
+
 def test_only_monitored_sources_count():
     world = Predicted([FAR], [AHEAD], obstacles=('map',))
     world.drive(0.0, 0.1)
@@ -269,6 +289,21 @@ def test_obstacles_of_unknown_motion_are_listed(next_one):
     assert world.prediction.unknown == (ObstacleId('map', 1),)
     assert world.prediction[:2] == (pytest.approx(1.7, abs=1e-3), ObstacleId('map', 2))
     assert world.status() == 'imminent'
+
+
+def test_motion_of_an_obstacle_begins_anew_when_it_is_tracked_again():
+    """It stands; while it is taken to stand it goes away, and comes back at 6 m/s."""
+    world = Predicted([FAR], moving=True, timeout=5.0)
+    for time in (0.1, 0.2):
+        world.drive(time, speed=0.0)
+        world.see(time, box(2.4, -0.5))
+    for is_moving in (False, True):
+        world.monitor.update(replace(world.settings, obstacles=(
+            replace(TRACKS, moving=is_moving), DOCK)))
+        world.see(0.3 + 0.2 * is_moving, box(3.6 - 1.2 * is_moving, -0.5))
+    assert ObstacleId('map', 1) in world.prediction.unknown
+    world.see(0.6, box(1.8, -0.5))
+    assert world.seconds == pytest.approx(1.1 / 6.0, abs=1e-3)
 
 
 def test_velocity_of_an_obstacle_is_used_for_two_seconds():

@@ -26,10 +26,12 @@ from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.scene.frames import in_quotes, Mapped, NoTransform
 from sat_collision.scene.parameters import Outline, outline_of
 from sat_collision.scene.scene import FROM_FUTURE, Scene
-from sat_collision.scene.settings import CommandSettings, FootprintSettings, NEVER, Settings
+from sat_collision.scene.settings import (
+    CommandSettings, FootprintSettings, in_ns, NEVER, Settings)
 from sat_collision.scene.sources import TOO_OLD
 from sat_collision.scene.velocity import (
-    COMMAND, Command, is_plausible, ODOMETRY, Pose, pose_of, TRANSFORMS, Twist, Velocity)
+    COMMAND, Command, is_plausible, ODOMETRY, Pose, pose_of, TRANSFORMS, Twist, Velocity,
+    VELOCITY_LASTS)
 
 # An outline in a static frame is placed again so many times within its timeout.
 _TIMES_PLACED = 3
@@ -160,7 +162,10 @@ class Outlines:
                             COMMAND if one.settings.cmd_vel else TRANSFORMS)
         if one.settings.topic not in self._odometry:
             return None
-        _, child, twist = self._odometry[one.settings.topic]
+        time, child, twist = self._odometry[one.settings.topic]
+        if found.at - time > min(in_ns(one.settings.timeout), VELOCITY_LASTS):
+            # Another publisher moves its frame by now.
+            return None
         where = (found if child == one.settings.frame_id
                  else self._transforms.lookup_affine(child, found.at, found.at))
         if isinstance(where, NoTransform):

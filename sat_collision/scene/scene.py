@@ -102,7 +102,11 @@ class Scene(SceneView):
             footprint = self._footprints[new.name]
             if new.enabled != footprint.settings.enabled:
                 footprint.stream.interrupt()
+                footprint.command = None
                 self._invalidate(footprint, _NOT_RECEIVED)
+            if (new.points, new.radius) != (footprint.settings.points, footprint.settings.radius):
+                # What was tracked is another outline.
+                footprint.motion.clear()
             monitored = footprint.settings.obstacles
             footprint.configure(new)
             if not new.min_time_to_collision:
@@ -149,6 +153,9 @@ class Scene(SceneView):
             self._contacts.place_footprint(footprint, body)
         footprint.origin = origin
         footprint.time, footprint.stamp = time, stamp or now
+        if not self.is_tracked(name):
+            # What was tracked before is not the last place any more.
+            footprint.motion.clear()
         if footprint.fault or footprint.stale or time + footprint.timeout < now:
             footprint.fault = ''
             self._contacts.changed.add(footprint)

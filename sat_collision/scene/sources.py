@@ -91,6 +91,9 @@ class Source:
             self._begin_anew(now, wants_history=settings.enabled)
             self._drop_former(all_of_them=True)
             self.wait(NEVER)
+        if not settings.moving:
+            for obstacle in self.store:
+                obstacle.motion = None
         self.knowledge.configure(settings, tolerance, now)
         self.pass_time(now)
         if settings != before:

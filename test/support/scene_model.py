@@ -122,9 +122,9 @@ class SceneModel:
         if not last.fault and settings.timeout and not is_past(settings, last.time, now) and (
                 time < last.time):
             return OVERTAKEN
-        places = () if last.fault else last.places
+        places = ()
         if self.tracks_motion or settings.min_time_to_collision:
-            places = followed_by(places, stamp or now, ring)
+            places = followed_by(() if last.fault else last.places, stamp or now, ring)
         self._footprints[name] = Place(ring, stamp or now, time, '', places)
         return None
 

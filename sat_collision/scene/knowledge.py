@@ -239,6 +239,7 @@ class Listings(Knowledge):
         super().refuse(reason, now)
         self._is_unread = not is_read
         if not is_read and self._end == EACH_MESSAGE:
+            # It was a listing by itself.
             self.joined = self._open.number
             self._close(now)
 

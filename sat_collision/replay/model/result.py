@@ -327,7 +327,7 @@ class Result:
     def undetermined_of(self, footprint: FootprintResult) -> int:
         """Return for how long (ns) motion was undetermined after start-up, before its end."""
         end, last = self.end or 0, footprint.last or 0
-        # By another clock than that of the time checked it has no end there.
+        # One with no stamp in the time checked has no end there.
         return self._only(self.undetermined, footprint, last if last > (self.start or 0) else end)
 
     def _only(self, intervals: Iterable[Unknown], footprint: FootprintResult, end: int) -> int:

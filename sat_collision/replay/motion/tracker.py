@@ -178,7 +178,7 @@ class SetTracker(Tracker):
                         late if late < placement.stamp else 0)
             if self._ending != EMPTY_POLYGON:
                 self._rest_before(placement.stamp, placement.stamp)
-            # Of a set in between all was refused.
+            # All of a set between the two was refused.
             self._is_whole &= self._number in (0, placement.listing - 1)
             self._number = placement.listing
             self._listing, self._start = placement.listing, placement.stamp

@@ -79,7 +79,8 @@ class Trajectory:
         self._links: list[Link] = []
         self._starts: list[int] = []
         self._last: tuple[int, Bodies] | None = None
-        # The last one as far as it has stood, if it has, and whether it was ever elsewhere.
+        # If it never times out: the last one as far as it has stood, if it has; and whether it may
+        # ever have been elsewhere.
         self._stood: Bodies | None = None
         self._has_moved = False
         # By time, the outlines found last.
@@ -94,7 +95,8 @@ class Trajectory:
             return
         if begin is not None and begin + self.longest < time:
             self.stand(time)
-        if not (self._has_moved or np.array_equal(sample.ring(0), last.ring(0))):
+        if self._never_stale and not (
+                self._has_moved or np.array_equal(sample.ring(0), last.ring(0))):
             self._leave()
         stood, self._stood = self._stood, None
         self._last, self.latest = (time, sample), time

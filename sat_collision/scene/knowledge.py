@@ -46,6 +46,8 @@ _LONGEST_OPEN = 10**9
 _PARTS = 32
 # The rate of listings is measured over so many.
 _MEASURED = 10
+# Of so many listings that ended without being whole it is known later.
+_MAX_BROKEN = 1000
 
 
 class Message(NamedTuple):
@@ -77,6 +79,7 @@ class Knowledge:
         self.since = 'yet'  # when it began, as the end of a sentence
         # Numbers of the listing that the last message joined and of the last whole one; 0: none.
         self.joined = self.last_whole = 0
+        self.broken: deque[int] = deque(maxlen=_MAX_BROKEN)  # those that ended and were not whole
         self.wants_history = False  # whether a new subscription is needed for older messages
         self.newest = -NEVER  # the newest stamp
         self._heard = -NEVER  # the latest time of a message
@@ -349,13 +352,15 @@ class Listings(Knowledge):
             self.last_whole = one.number
             self.wants_history = False
             self._age, self._oldest = (now - one.time) / 1e9, one.oldest
-        elif len(one.group):
-            self._newer.append(one)
+        else:
+            self.broken.append(one.number)
+            if len(one.group):
+                self._newer.append(one)
+            else:
+                one.group.clear()
             if len(self._newer) > _MAX_NEWER:
                 self._newer.pop(0).group.clear()
                 self.miss(self._missed or f'{_MAX_NEWER} sets in a row were not whole', now)
-        else:
-            one.group.clear()
         self._ends.append(now)
         self._open = self._new_listing(is_sound=True, stamp=one.stamp)
         if one is self._whole:

@@ -350,6 +350,10 @@ class Scene(SceneView):
         knowledge = self.sources[name].knowledge
         return knowledge.joined, knowledge.last_whole
 
+    def is_broken(self, name: str, listing: int) -> bool:
+        """Return whether a listing of a source ended and was not whole."""
+        return listing in self.sources[name].knowledge.broken
+
     def map_frames(self, name: str) -> set[str]:
         """Return the other frames in which obstacles of a map were sent."""
         return self.sources[name].store.frames

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from itertools import groupby, pairwise, repeat
 from operator import attrgetter, itemgetter
 from typing import Any
@@ -224,8 +225,10 @@ class RecordedMotion:
             source = self._sources[name]
             in_sets = (source.ending != NONE and source.timeout > 0.0
                        and source.type != POLYGON_INSTANCE)
-            tracker = self._trackers[name] = (SetTracker if in_sets else KeyTracker)(
-                source, self._max_vertices, self._emit_of(name))
+            common = source, self._max_vertices, self._emit_of(name)
+            tracker = self._trackers[name] = (
+                SetTracker(*common, partial(self._scene.is_broken, name)) if in_sets
+                else KeyTracker(*common))
             tracker.use_frame(self._frame_id)
         return tracker
 

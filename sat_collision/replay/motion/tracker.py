@@ -138,9 +138,12 @@ class SetTracker(Tracker):
     nearest to each other and have equally many vertices.
     """
 
-    def __init__(self, settings: ObstacleSettings, max_vertices: int, emit: Emit) -> None:
+    def __init__(self, settings: ObstacleSettings, max_vertices: int, emit: Emit,
+                 is_broken: Callable[[int], bool]) -> None:
         super().__init__(settings, max_vertices, emit)
         self._ending = settings.ending
+        # Tells of a listing whether it ended and was not whole.
+        self._is_broken = is_broken
         # The number of the set that is being received, 0 if none is, and its first stamp; and that
         # of the last one.
         self._listing = self._start = self._number = 0
@@ -199,7 +202,8 @@ class SetTracker(Tracker):
     def rest(self, now: int, is_over: bool = False, listing: int = 0) -> None:
         late = self._start + self._longest
         if self._listing and (is_over or now > late):
-            self._close(held=min(now, late))
+            # What ended it may all have been refused.
+            self._close(not self._is_broken(self._listing), min(now, late))
         # Whether bodies are received again is only known when the next set has ended.
         if not self._listing and (is_over or now > self._last_stamp + self._longest):
             self._rest(now)
@@ -223,7 +227,7 @@ class SetTracker(Tracker):
         self._last = last.at(dict.fromkeys(left, now))
         self._last_stamp = now
 
-    def _close(self, is_whole: bool = True, held: int = 0) -> None:
+    def _close(self, is_whole: bool, held: int = 0) -> None:
         """
         End the set that is being received, and match the bodies of the one before to it.
 

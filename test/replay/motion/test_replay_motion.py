@@ -678,3 +678,13 @@ def test_bodies_are_not_linked_across_more_than_a_timeout_above_ten_seconds(tmp_
         'obstacle.timeout': 20.0, 'footprint.timeout': 5.0})
     assert [since(result, one.first, one.last) for one in result.contacts] == [
         pytest.approx(times, abs=1e-6) for times in ([1.0, 21.0], [21.5, 41.5])]
+
+
+@pytest.mark.parametrize('later', [[], [3.0, 3.1]])
+def test_set_that_one_ends_all_of_which_is_refused_is_not_whole(tmp_path, later):
+    """The fifth one lacks a polygon; after the refused one others come 2 s later, or none."""
+    refused = [(float('nan'), 0.0)]
+    messages = samples([9.0] * 35) + [at(time, box(0.0)) for time in (0, 0.2, 0.4, 0.6, 0.8)] + [
+        at(0.8, refused), at(1.0, refused)] + [at(time, box(0.0)) for time in later]
+    result = run(tmp_path, messages, STAMPS)
+    assert since(result, result.undetermined[0].first) == [pytest.approx(0.6)]

@@ -164,7 +164,8 @@ class Recorded:
 
     def _way(self, samples, refused):
         """Return the pieces of a footprint, and when it is held but may not be there."""
-        pieces, unsure, has_moved = [], [], False
+        pieces, unsure = [], []
+        has_moved = any(at < samples[0][0] for at in refused)
         longest = LONGEST if self.stands else min(self.own_timeout, LONGEST)
         for (time, x), (after, next_x) in zip(samples, [*samples[1:], (2 * self.end, None)]):
             is_refused = any(time < at < after for at in refused)

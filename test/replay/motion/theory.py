@@ -17,7 +17,7 @@ import sys
 import tempfile
 from time import perf_counter
 
-from test_replay_theory import compare, FORMS
+from random_recordings import compare, FORMS
 
 TOGETHER = 1000
 

@@ -25,12 +25,12 @@ from xml.etree import ElementTree
 from builders import path as plan, serialised, transforms
 import numpy as np
 import pytest
+from random_recordings import FORMS, METRE, outline, Recorded
 from recordings import (
     COLLECTION, INSTANCE, losses, LOST, LOST_TOPIC, main, MARKS, STAMPS, START, write)
 from rosbags.highlevel import AnyReader
 from sat_collision.replay.check import check
 from sat_collision.replay.model.result import joined, Options
-from test_replay_theory import FORMS, METRE, outline, Recorded
 
 pytest.importorskip('matplotlib')
 

@@ -222,8 +222,8 @@ class _LateSubscriptions:
     """
     Subscriptions that are made once there is a publisher; `inputs` is kept up to date.
 
-    One in the loop's wait set exists until the loop renews the set, so another one on its topic
-    can be made only at the next look at the publishers.
+    One in the loop's wait set exists until the loop renews the set, so one of another type on its
+    topic can be made only at the next look at the publishers.
     """
 
     def __init__(self, node: Node, group: CallbackGroup, inputs: list[Input]) -> None:
@@ -275,16 +275,15 @@ class PathSubscriptions(_LateSubscriptions):
             others = ', '.join(sorted({one.topic_type for one in found}))
             return f'it is published as {others}' if others else 'it has no publisher'
         one, before = self._subscribed.get(settings.name, (None, set()))
-        if one and publishers.isdisjoint(before):
-            del self._subscribed[settings.name]
-            self._unsubscribe(one)
-        elif not one:
+        if publishers.isdisjoint(before):
             from nav_msgs.msg import Path
             try:
                 self._subscribed[settings.name] = (
                     self._subscribe(settings, Path, _PATH_QOS), publishers)
             except RuntimeError as error:
                 return str(error)
+            if one:
+                self._unsubscribe(one)
         return ''
 
 

@@ -138,6 +138,23 @@ def test_publishers_with_other_qos_take_over(start_with_tf, join):
         planner.node.destroy_publisher(plans)
 
 
+def test_new_planner_is_heard_without_a_gap(start_with_tf, join):
+    """The node subscribes anew, as the QoS may be another one."""
+    running = start_with_tf(**ROBOT)
+    first, second = join('first'), join('second')
+    plans = first.publisher('/plan', Path)
+    first.node.destroy_publisher(plans)
+    plans = second.node.create_publisher(Path, '/plan', 10)
+    heard = []
+
+    def hear():
+        if heard or plans.get_subscription_count():
+            heard.append(plans.get_subscription_count())
+
+    running.until(lambda: hear() or len(running.logged('Path on /plan')) == 2, 'another one')
+    assert min(heard) == 1
+
+
 def test_topic_of_another_type_is_named(start_with_tf):
     running = start_with_tf(**ROBOT)
     robot = Robot(running)

@@ -366,6 +366,18 @@ def test_velocity_by_odometry():
     assert world.scene.velocity('robot')[2] == 'transforms'
 
 
+def test_odometry_of_a_base_gives_no_velocity_of_what_turns_on_it():
+    """The base stands, by its odometry, and a turret turns on it by 1 rad/s."""
+    world = OutlineWorld(replace(ROBOT, odometry='odometry', frame_id='turret'))
+    world.scene.tracks_motion = True
+    for k in range(5):
+        time = 0.1 * k
+        world.receive_transforms(TF, ('base', 'turret', nanoseconds(time), 0.0, 0.0, time))
+        world.receive_odometry(time, 1.0, 2.0, twist=(0.0, 0.0, 0.0))
+    twist, _, origin = world.scene.velocity('robot')
+    assert (twist, origin) == (pytest.approx((0.0, 0.0, 1.0), abs=1e-6), 'transforms')
+
+
 def test_old_odometry_gives_no_velocity():
     """It said that the robot stands and is silent; another publisher moves its frame at 1 m/s."""
     world = OutlineWorld(replace(ROBOT, odometry='odometry'))

@@ -166,9 +166,10 @@ class Outlines:
         if found.at - time > min(in_ns(one.settings.timeout), VELOCITY_LASTS):
             # Another publisher moves its frame by now.
             return None
-        where = (found if child == one.settings.frame_id
-                 else self._transforms.lookup_affine(child, found.at, found.at))
-        if isinstance(where, NoTransform):
+        body = self._transforms.frames.newest(child, one.settings.frame_id)
+        where = self._transforms.lookup_affine(child, found.at, found.at)
+        if isinstance(body, NoTransform) or body.at is not None or isinstance(where, NoTransform):
+            # The outline may turn in the frame of the odometry.
             return None
         return Velocity(twist, pose_of(where.affine), ODOMETRY)
 

@@ -324,6 +324,25 @@ def test_corrected_static_transform_counts_from_then_on(tmp_path, as_live, clock
     assert 1.9 <= seconds(contact.first) <= 2.2 and 2.9 <= seconds(contact.last) <= 3.2
 
 
+@pytest.mark.parametrize('as_live', [False, True])
+@pytest.mark.parametrize('x, contacts', [(0.0, [2.1, 2.4]), (10.0, [])])
+def test_outline_jumps_with_a_corrected_static_transform(tmp_path, as_live, x, contacts):
+    """From 0 to 20 m at 2.4 s; before that an obstacle appears where it stands, or halfway."""
+    messages = [('/tf_static', time, transforms(('odom', 'base', 0, place, 0.0)))
+                for time, place in ((0.0, 0.0), (2.4, 20.0))]
+    messages += [('/obstacles', k / 20, serialised(points, nanoseconds(k / 20), 'odom', number))
+                 for k in range(1, 80) for number, points in ((1, box(5, 50)), (2, box(x)))
+                 if number == 1 or 42 <= k < 54]
+    result = check(write(tmp_path / 'bag', sorted(messages, key=lambda message: message[1]),
+                         types={**TYPES, '/obstacles': INSTANCE}),
+                   Options(parameters={
+                       'frame_id': 'odom', 'footprints': ['robot'], 'robot.radius': 0.5,
+                       'robot.frame_id': 'base', f'{SOURCE}.type': 'polygon_instance'},
+                       obstacles=[f'{SOURCE}:=/obstacles'], as_live=as_live))
+    assert [seconds(time) for one in result.contacts for time in (one.first, one.last)] == (
+        pytest.approx(contacts, abs=0.01))
+
+
 def test_invalid_outline_is_bad_input(tmp_path):
     result = run(tmp_path / 'bag', turn([(50, 50)]), {**WITH_ARM, 'frame_id': ''})
     assert 'needs the fixed frame' in result.problems[0]

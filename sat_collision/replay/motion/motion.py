@@ -33,6 +33,7 @@ from sat_collision.replay.motion.drawing import MotionDrawing
 from sat_collision.replay.motion.prediction import Predictor
 from sat_collision.replay.motion.tracker import Emit, KeyTracker, SetTracker, Step, Tracker
 from sat_collision.replay.motion.trajectories import Poses, Trajectory
+from sat_collision.scene.frames import Mapped
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import (
@@ -310,7 +311,10 @@ class RecordedMotion:
                 other.use_frame(self._frame_id)
         trajectory, stamp = sweep.trajectory, placement.stamp
         begin = trajectory.begin_of_link(stamp) if sweep.settings.has_outline else None
-        if begin is not None:
+        if begin is not None and self._is_static(sweep.settings.frame_id, stamp):
+            # Where the transform is another one now, it jumps.
+            self._add(sweep, stamp, trajectory.standing(stamp))
+        elif begin is not None:
             poses = Poses(self._transforms, sweep.settings.frame_id,
                           placement.single).between(begin, stamp)
             if poses is None:
@@ -322,6 +326,11 @@ class RecordedMotion:
         for tracker in self._trackers.values():
             tracker.rest(self._now)
         sweep.advance(self._now)
+
+    def _is_static(self, frame_id: str, now: int) -> bool:
+        """Return whether only static transforms say where a frame is."""
+        found = self._transforms.lookup_affine(frame_id, 0, now)
+        return isinstance(found, Mapped) and found.at is None
 
     def _add(self, sweep: Sweep, time: int, sample: Bodies) -> None:
         """Add a sample to the trajectory of a footprint."""

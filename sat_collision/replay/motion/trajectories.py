@@ -128,6 +128,11 @@ class Trajectory:
             return None
         return self._last[0]
 
+    def standing(self, until: int) -> Bodies:
+        """Return the last sample, of which there is one, at a later time."""
+        assert self._last
+        return self._last[1].at({0: until})
+
     def stand(self, until: int) -> None:
         """
         Let a footprint that never times out stand until a time.

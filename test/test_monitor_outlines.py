@@ -12,7 +12,7 @@
 from dataclasses import replace
 import math
 
-from builders import box, odometry, SECOND, serialised, transforms
+from builders import box, command, odometry, SECOND, serialised, transforms
 from monitors import nanoseconds, START, World
 import pytest
 from sat_collision.messages.transform_listener import TF_STATIC
@@ -346,7 +346,7 @@ def test_velocity_by_transforms():
     world.move(0.3, 0.2)
     assert world.scene.velocity('robot') == ''
     world.move(0.4, 0.3, yaw=0.05)
-    twist, pose, origin = world.scene.velocity('robot')
+    twist, pose, origin, _ = world.scene.velocity('robot')
     assert twist[2] == pytest.approx(0.5) and pose == pytest.approx((0.3, 0.0, 0.0))
     assert math.hypot(*twist[:2]) == pytest.approx(1.0, rel=1e-3) and origin == 'transforms'
     world.wait_until(-1.0)
@@ -361,9 +361,29 @@ def test_velocity_by_odometry():
     world.receive_transforms(TF_STATIC, ('base', 'body', 0, 0.5, 0.0))
     world.receive_odometry(0.1, 1.0, 2.0, 0.5, twist=(0.7, 0.1, -0.2))
     assert world.scene.velocity('robot') == (
-        (0.7, 0.1, -0.2), pytest.approx((1.0, 2.0, 0.5)), 'odometry')
+        (0.7, 0.1, -0.2), pytest.approx((1.0, 2.0, 0.5)), 'odometry', False)
     world.receive_odometry(0.2, 1.1, 2.0, 0.5, twist=(math.nan, 0.0, 0.0))
     assert world.scene.velocity('robot')[2] == 'transforms'
+
+
+@pytest.mark.parametrize('by', [{'odometry': '/odom'}, {'cmd_vel': '/command'}, {}],
+                         ids=['odometry', 'command', 'transforms'])
+def test_velocity_in_a_frame_that_is_upside_down(by):
+    """To the right and turning right, in a frame with y to the right and z down."""
+    world = OutlineWorld(replace(ROBOT, **by))
+    world.scene.tracks_motion = True
+    world.receive_transforms(TF_STATIC, ('odom', 'ned', 0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0))
+    for time in (0.0, 0.1):
+        if 'odometry' in by:
+            world.receive_odometry(time, 0.0, time, 0.2 * time, parent='ned', twist=(0, 1.0, 0.2))
+        else:
+            world.move(time, 0.0, time, 0.2 * time, parent='ned')
+    if 'cmd_vel' in by:
+        world.monitor.receive('robot.cmd_vel', command(0, 1.0, 0.2, world.now), world.now)
+    velocity = world.scene.velocity('robot')
+    after = velocity.carry(world.scene.polygon('robot').vertices, 0.01)
+    world.move(0.11, 0.0, 0.11, 0.022, parent='ned')
+    assert after == pytest.approx(world.scene.polygon('robot').vertices, abs=1e-3)
 
 
 def test_odometry_of_a_base_gives_no_velocity_of_what_turns_on_it():
@@ -374,7 +394,7 @@ def test_odometry_of_a_base_gives_no_velocity_of_what_turns_on_it():
         time = 0.1 * k
         world.receive_transforms(TF, ('base', 'turret', nanoseconds(time), 0.0, 0.0, time))
         world.receive_odometry(time, 1.0, 2.0, twist=(0.0, 0.0, 0.0))
-    twist, _, origin = world.scene.velocity('robot')
+    twist, _, origin, _ = world.scene.velocity('robot')
     assert (twist, origin) == (pytest.approx((0.0, 0.0, 1.0), abs=1e-6), 'transforms')
 
 
@@ -439,7 +459,7 @@ def test_velocity_of_a_published_footprint():
     turned = [(1.1 - y, x) for x, y in square]
     assert velocity(0.5, turned).twist[2] == pytest.approx(math.pi)
     assert velocity(0.6, [(x + 0.1, y) for x, y in turned]) == (
-        pytest.approx((1, 0, 0)), pytest.approx((0.7, 0.5, 0)), 'footprints')
+        pytest.approx((1, 0, 0)), pytest.approx((0.7, 0.5, 0)), 'footprints', False)
     assert velocity(0.7, square[:3]) == ''
 
 

@@ -19,7 +19,7 @@ import pytest
 from sat_collision.messages.cdr import decode_path, MessageError
 from sat_collision.messages.markers import Markers
 from sat_collision.messages.states import States
-from sat_collision.messages.transform_listener import TF
+from sat_collision.messages.transform_listener import TF, TF_STATIC
 from sat_collision.scene.parameters import check_outlines, ParameterError
 from sat_collision.scene.path import FollowedPath
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
@@ -376,6 +376,19 @@ def test_path_in_another_frame_waits_for_its_transform():
     turned = [(-y, x, yaw + math.pi / 2) for x, y, yaw in STRAIGHT]
     assert world.plan(turned, stamp=world.now, frame_id='map').metres == pytest.approx(4.5)
     assert world.check().metres == pytest.approx(4.5)
+
+
+@pytest.mark.parametrize('frame_id', ['odom', 'ned'])
+@pytest.mark.parametrize('robot_in', ['odom', 'ned'])
+def test_frames_that_are_upside_down(frame_id, robot_in):
+    """To the right, past a post to the left, to which the outline reaches if it is upright."""
+    world = Follower(box(1.5, -5.0), points=(-0.2, -0.25, 0.2, -0.25, 0.2, 2.0, -0.2, 2.0))
+    world.receive_transforms(TF_STATIC, ('odom', 'ned', 0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0))
+    world.move(0.0, 0.0, parent=robot_in)
+    side = 1.0 if frame_id == 'ned' else -1.0
+    found = world.plan([(0.0, side * y, side * math.pi / 2) for y in (0.0, 9.0)],
+                       stamp=world.now, frame_id=frame_id)
+    assert found.metres == pytest.approx(3.8 if robot_in == 'odom' else math.inf, abs=1e-6)
 
 
 @pytest.mark.parametrize('lacks', ['obstacles', 'kernels'])

@@ -116,7 +116,8 @@ def test_time_is_infinite_beyond_the_horizon_and_at_rest():
     assert world.seconds == pytest.approx(0.999, abs=1e-3)
     world.drive(1.1, 1.2, speed=0.0)
     assert world.prediction == (
-        math.inf, None, ((0, 0, 0), pytest.approx((0.14, 0, 0)), 'footprints'), math.inf, ())
+        math.inf, None, ((0, 0, 0), pytest.approx((0.14, 0, 0)), 'footprints', False), math.inf,
+        ())
 
 
 @pytest.mark.parametrize('change', ['min_time_to_collision', 'subscription'])

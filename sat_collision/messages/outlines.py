@@ -30,8 +30,8 @@ from sat_collision.scene.settings import (
     CommandSettings, FootprintSettings, in_ns, NEVER, Settings)
 from sat_collision.scene.sources import TOO_OLD
 from sat_collision.scene.velocity import (
-    COMMAND, Command, is_plausible, ODOMETRY, Pose, pose_of, TRANSFORMS, Twist, Velocity,
-    VELOCITY_LASTS)
+    COMMAND, Command, is_plausible, is_upside_down, ODOMETRY, Pose, pose_of, TRANSFORMS, Twist,
+    Velocity, VELOCITY_LASTS)
 
 # An outline in a static frame is placed again so many times within its timeout.
 _TIMES_PLACED = 3
@@ -114,8 +114,10 @@ class Outlines:
         return pose_of(self._outlines[name].affine)
 
     def polygon(self, name: str) -> Polygon:
-        """Return an outline in its own frame."""
-        return self._outlines[name].polygon
+        """Return an outline in its own frame; if that is upside down, turned up about x."""
+        polygon = self._outlines[name].polygon
+        return (Polygon(polygon.vertices * (1, -1)) if is_upside_down(self._outlines[name].affine)
+                else polygon)
 
     @property
     def deadline(self) -> float:
@@ -159,7 +161,8 @@ class Outlines:
         if one.settings.cmd_vel or found.at is None:
             # With commands only the pose counts: the twist is that of the command.
             return Velocity((0.0, 0.0, 0.0), pose_of(found.affine),
-                            COMMAND if one.settings.cmd_vel else TRANSFORMS)
+                            COMMAND if one.settings.cmd_vel else TRANSFORMS,
+                            is_upside_down(found.affine))
         if one.settings.topic not in self._odometry:
             return None
         time, child, twist = self._odometry[one.settings.topic]
@@ -171,7 +174,8 @@ class Outlines:
         if isinstance(body, NoTransform) or body.at is not None or isinstance(where, NoTransform):
             # The outline may turn in the frame of the odometry.
             return None
-        return Velocity(twist, pose_of(where.affine), ODOMETRY)
+        return Velocity((0.0, 0.0, 0.0), pose_of(where.affine), ODOMETRY,
+                        is_upside_down(where.affine)).by(twist)
 
 
 class Commands:

@@ -20,7 +20,7 @@ from sat_collision.geometry.body.polygon import Affine2D, Polygon
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.footprints import Footprint
 from sat_collision.scene.obstacles import ObstacleId
-from sat_collision.scene.velocity import Pose
+from sat_collision.scene.velocity import is_upside_down, Pose
 
 # Shares of the reach that are taken for rounding.
 _SLACK = 1e-6
@@ -92,8 +92,8 @@ class FollowedPath:
         """Move the path to the frame to which a map leads."""
         a, b, x, d, e, y = affine
         px, py, yaw = self.poses.T
-        self.poses = np.column_stack([
-            a * px + b * py + x, d * px + e * py + y, yaw + math.atan2(d, a)])
+        turned = math.atan2(d, a) + (-yaw if is_upside_down(affine) else yaw)
+        self.poses = np.column_stack([a * px + b * py + x, d * px + e * py + y, turned])
 
     def advance(self, pose: Pose, reach: float) -> None:
         """

@@ -66,7 +66,7 @@ def velocity_of(footprint: Footprint, now: int) -> Velocity | str:
     velocity = footprint.time is not None and footprint.motion.velocity(
         footprint.stamp, TRANSFORMS if footprint.settings.has_outline else FOOTPRINTS)
     if velocity and command:
-        velocity = velocity._replace(twist=command.twist)
+        velocity = velocity.by(command.twist)
     return velocity or ''
 
 

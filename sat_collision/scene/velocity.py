@@ -58,6 +58,13 @@ class Velocity(NamedTuple):
     twist: Twist
     pose: Pose
     origin: str  # where the twist comes from: COMMAND, ODOMETRY, TRANSFORMS or FOOTPRINTS
+    # Whether its frame is upside down: pose and twist are those of the frame turned up about x.
+    is_upside_down: bool = False
+
+    def by(self, twist: Twist) -> Velocity:
+        """Return the same with another twist, in the frame."""
+        vx, vy, omega = twist
+        return self._replace(twist=(vx, -vy, -omega) if self.is_upside_down else twist)
 
     def fastest(self, bounds: tuple[float, float, float, float]) -> float:
         """Return a bound of the speed, m/s, of points within min x, min y, max x and max y."""
@@ -200,15 +207,21 @@ def pose_between(before: Vertices, after: Vertices) -> Pose:
     return x, y, yaw
 
 
-def is_plausible(twist: Twist) -> bool:
-    """Return whether a twist is finite and not too fast."""
-    return all(abs(value) <= FASTEST for value in twist)
-
-
 def pose_of(affine: Affine2D) -> Pose:
     """Return x, y and yaw of a frame, from the map that takes it to the fixed frame."""
     a, _, x, d, _, y = affine
     return x, y, math.atan2(d, a)
+
+
+def is_upside_down(affine: Affine2D) -> bool:
+    """Return whether a frame is upside down, from the map that takes it to the fixed frame."""
+    a, b, _, d, e, _ = affine
+    return a * e < b * d
+
+
+def is_plausible(twist: Twist) -> bool:
+    """Return whether a twist is finite and not too fast."""
+    return all(abs(value) <= FASTEST for value in twist)
 
 
 def _rotation(angle: float) -> NDArray[np.float64]:

@@ -59,14 +59,16 @@ def order(kind, k, *velocity, **more):
         *velocity, stamp=nanoseconds(k / 10), **more))
 
 
-def stand(tenths, commands):
+def stand(tenths, commands, is_upside_down=False):
     """Return a robot at rest for some tenths of a second, with commands."""
     c, s = math.cos(YAW), math.sin(YAW)
+    half_c, half_s = math.cos(YAW / 2), math.sin(YAW / 2)
+    pose = (0.0, half_c, half_s, 0.0, 0.0) if is_upside_down else (YAW,)
     wall = [(c * x - s * y, s * x + c * y) for x, y in WALL]
     messages = [*commands]
     for k in range(tenths):
         messages += [
-            ('/tf', k / 10, transforms(('odom', 'base', nanoseconds(k / 10), 0.0, 0.0, YAW))),
+            ('/tf', k / 10, transforms(('odom', 'base', nanoseconds(k / 10), 0.0, 0.0, *pose))),
             *(('/obstacles', k / 10, serialised(points, nanoseconds(k / 10), 'odom'))
               for points in (wall, []))]
     return sorted(messages, key=lambda message: (message[1], message[0] == '/cmd_vel'))
@@ -88,9 +90,11 @@ def samples(result):
 
 @pytest.mark.parametrize('kind', [STAMPED, TWIST])
 @pytest.mark.parametrize('clock', ['receive', 'header'])
-def test_prediction_by_commands(tmp_path, kind, clock):
+@pytest.mark.parametrize('is_upside_down', [False, True])
+def test_prediction_by_commands(tmp_path, kind, clock, is_upside_down):
     """To its left at a different speed each time; its true motion leads nowhere."""
-    messages = stand(100, [order(kind, k, 0.0, float(speed)) for k, speed in enumerate(SPEEDS)])
+    messages = stand(100, [order(kind, k, 0.0, float(-speed if is_upside_down else speed))
+                           for k, speed in enumerate(SPEEDS)], is_upside_down)
     result = run(tmp_path / 'bag', messages, kind, min_ttc=0.1, clock=clock,
                  parameters={**PARAMETERS, f'{SOURCE}.timeout': 0.3})
     found = samples(result)

@@ -43,6 +43,8 @@ HORIZON = 3.0
 _EVERY = 10**8
 # Obstacles out of reach by more than this, m, are skipped.
 _SLACK = 1e-3
+# Bound of the rounding of a determinant, relative to the squares of its numbers.
+_ROUNDING = 1e-12
 _time_of = attrgetter('time')
 
 # Seconds to a contact, infinity if there is none within the horizon, and with which obstacle.
@@ -112,7 +114,12 @@ class Predictor:
         command = self._commands[k - 1] if k else None
         if not (command and command.holds(time, self._settings.timeout)):
             return None
-        return Velocity(command.twist, pose_between(self._outline, link.ring(0, time)), COMMAND)
+        outline, ring = self._outline, link.ring(0, time)
+        shape = (outline - outline.mean(0)).T @ (ring - ring.mean(0))
+        # Its determinant is negative then, and about 0 for an outline that is a segment.
+        is_upside_down = bool(np.linalg.det(shape) < -_ROUNDING * (shape * shape).sum())
+        pose = pose_between(outline * (1, -1) if is_upside_down else outline, ring)
+        return Velocity((0.0, 0.0, 0.0), pose, COMMAND, is_upside_down).by(command.twist)
 
     def _times(self, start: int, finish: int) -> list[int]:
         """Return the times to predict at, from one time until before another."""

@@ -35,6 +35,7 @@ from sat_collision.replay.model.configuration import (
     wrong_types)
 from sat_collision.replay.model.result import (
     FootprintResult, HEADER, moments_of, Options, PLAN, RECEIVE, Result, SourceResult)
+from sat_collision.replay.motion.bodies import LONGEST
 from sat_collision.replay.motion.drawing import MotionDrawing
 from sat_collision.replay.motion.motion import RecordedMotion
 from sat_collision.replay.motion.prediction import HORIZON
@@ -106,6 +107,10 @@ def check_recording(recording: Recording, options: Options, progress: OnProgress
         # Recordings have no sequence numbers: only what they hold can be judged.
         settings = replace(settings, obstacles=tuple(
             replace(source, assume_no_loss=True) for source in settings.obstacles))
+        if not options.as_live:
+            # By stamps, the next transform may come so long after a message.
+            gap = min(settings.max_tf_gap, LONGEST / 1e9)
+            settings = replace(settings, transform_timeout=max(settings.transform_timeout, gap))
         _Check(recording, settings, options, result, moments).run(progress)
     except (ParameterError, OSError) as error:
         result.problems.append(f'{path}: {error}')

@@ -102,6 +102,25 @@ def test_late_transforms_are_unknown_as_live(tmp_path):
     assert 'the newest of base is' in result.sources[0].examples['no transform']
 
 
+@pytest.mark.parametrize('as_live', [False, True])
+def test_transforms_that_are_far_apart_place_what_is_received_late(tmp_path, as_live):
+    """0.45 s apart, obstacles 0.5 s late: by the stamps each waits for the next transform."""
+    messages = [('/tf', 0.45 * k, transforms(('odom', 'laser', nanoseconds(0.45 * k), 0.0, 0.0)))
+                for k in range(20)]
+    for k in range(80):
+        stamp = nanoseconds(k / 10)
+        messages += [('/footprint', k / 10, serialised(box(0), stamp, 'odom')),
+                     ('/obstacles', k / 10 + 0.5, serialised(box(5), stamp, 'laser', 1))]
+    messages.append(('/obstacles', 4.5, serialised(box(0.5), nanoseconds(4.0), 'laser', 2)))
+    result = check(write(tmp_path / 'bag', sorted(messages, key=lambda message: message[1]),
+                         types={**TYPES, '/obstacles': INSTANCE}),
+                   Options(parameters={'frame_id': 'odom', f'{SOURCE}.type': 'polygon_instance'},
+                           footprints=['footprint:=/footprint'],
+                           obstacles=[f'{SOURCE}:=/obstacles'], as_live=as_live))
+    assert [one.obstacle for one in result.contacts] == [f'{SOURCE}/2']
+    assert not any(source.rejected for source in result.sources)
+
+
 def test_static_transforms_before_the_checked_part_are_used(tmp_path):
     result = run(tmp_path / 'bag', drive(), start=1.0)
     assert result.verdict is Verdict.COLLISION

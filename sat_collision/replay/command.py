@@ -177,10 +177,11 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
 
 def _files_of(path: Path) -> list[Path]:
     """Return the files that an input consists of."""
-    if not path.is_dir():
-        return [file for end in ('', *_LOGS) if (file := Path(f'{path}{end}')).exists()]
-    return [file for file in path.iterdir()
-            if file.name == 'metadata.yaml' or file.name.endswith(_OF_RECORDING)]
+    named = [path] if not path.is_dir() else [
+        file for file in path.iterdir()
+        if file.name == 'metadata.yaml' or file.name.endswith(_OF_RECORDING)]
+    return [file for one in named for end in ('', *_LOGS)
+            if (file := Path(f'{os.path.realpath(one)}{end}')).exists()]
 
 
 def _check_all(arguments: argparse.Namespace, options: Options, terminal: _Terminal

@@ -113,13 +113,17 @@ def test_invalid_output_paths_are_refused_before_the_run(
 
 @pytest.mark.parametrize('end', ('', '-wal', '-shm', '-journal'))
 def test_files_beside_a_storage_file_are_inputs(tmp_path, capsys, end):
-    """Without its write-ahead log the same recording would be clear."""
+    """Without its write-ahead log the same recording would be clear; it may be named by a link."""
     file = killed_recorder(tmp_path / 'bag' / 'a.db3', TOUCHING, 10)
+    links = tmp_path / 'links'
+    links.mkdir()
+    (links / 'a.db3').symlink_to(file)
     there = Path(f'{file}{end}')
     there.touch()
     before = there.read_bytes()
-    assert main([str(file), '--json', str(there)]) == 3
-    assert 'is an input' in capsys.readouterr().err and there.read_bytes() == before
+    for recording in (file, links / 'a.db3', links):
+        assert main([str(recording), '--json', str(there)]) == 3
+        assert 'is an input' in capsys.readouterr().err and there.read_bytes() == before
 
 
 def test_recordings_of_one_name_are_not_written_to_one_place(bags, tmp_path, capsys):

@@ -16,7 +16,11 @@ from collections.abc import Collection, Iterator
 import os
 from pathlib import Path
 import sqlite3
+import struct
+from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from sat_collision.extras import in_one_line
 from sat_collision.replay.bag.storage import (
     Damage, EMPTY, Faults, in_rows, Limits, Message, Row, Scratch, Storage)
@@ -30,6 +34,12 @@ FROM messages NOT INDEXED"""
 _READ = 'SELECT topic_id, timestamp, {} FROM messages {} WHERE topic_id IN ({}) ORDER BY {}'
 # A damaged file may have values of any type and size.
 _GUARDED = "CASE WHEN typeof(data) = 'blob' AND length(data) <= {} THEN data END"
+# Of a write-ahead log, https://sqlite.org/fileformat2.html#walformat: magic, page size, number of
+# checkpoints, salts.
+_LOG_HEAD = struct.Struct('>I4x4I')
+_LOG_MAGIC = 0x377F0682
+_LOG_SIZE, _FRAME_SIZE = 32, 24  # without pages
+_PIECE = 2**22
 # SQLite calls back after so many steps, so that an interrupt is noticed.
 _STEPS = 100_000
 
@@ -45,6 +55,7 @@ class SqliteFile(Storage):
 
     def __init__(self, path: Path, faults: Faults, scratch: Scratch, limits: Limits) -> None:
         super().__init__(faults)
+        path = path.resolve()  # beside which SQLite has its logs
         size = sum(_size(Path(f'{path}{end}')) for end in ('', *_LOGS))
         self._max_bytes = min(size, limits.chunk)
         # Whether the survey read all rows, and whether all have data of acceptable type and size.
@@ -55,6 +66,9 @@ class SqliteFile(Storage):
             faults.damaged(EMPTY)
             return
         try:
+            log = Path(f'{path}-wal')
+            if _size(log) and (problem := _problem_of(log)):
+                faults.damaged(f'damaged in its write-ahead log, {log.name}: {problem}')
             self._connection = _connected(path, scratch)
             self._read_topics(self._connection)
             self._survey(self._connection, size)
@@ -146,6 +160,54 @@ class SqliteFile(Storage):
             raise Damage(f'its rows announce {announced} bytes, it has {size}')
 
 
+def _problem_of(log: Path) -> str:
+    """Return why SQLite would not read all of a write-ahead log, without a word; '' if it does."""
+    with log.open('rb') as file:
+        head = file.read(_LOG_SIZE)
+        if len(head) < _LOG_SIZE:
+            return 'its header is cut off'
+        magic, page_size, checkpoints, *salts = _LOG_HEAD.unpack_from(head)
+        order = '>u4' if magic & 1 else '<u4'
+        words = np.frombuffer(head, '>u4').reshape(1, -1)
+        before = words[:, 6:]
+        sums = _checksums(np.zeros_like(before), words[:, :6].view(order))
+        if (magic & ~1 != _LOG_MAGIC or not 512 <= page_size <= 65536
+                or page_size & (page_size - 1) or (sums != before).any()):
+            return 'its header is wrong'
+        size, where, whole = _FRAME_SIZE + page_size, _LOG_SIZE, True
+        while piece := file.read(_PIECE // size * size):
+            count, cut = divmod(len(piece), size)
+            frames = np.frombuffer(piece, '>u4', count * size // 4).reshape(count, size // 4)
+            read = 0
+            if whole:
+                words = frames.view(order)
+                sums = _checksums(np.vstack((before, frames[:, 4:6]))[:count], words[:, :2],
+                                  words[:, 6:])
+                right = ((frames[:, 2:4] == salts) & (frames[:, 4:6] == sums)).all(axis=1)
+                whole = bool(right.all())
+                read = count if whole else int(right.argmin())
+                before = frames[-1:, 4:6]
+            # Frames of before a checkpoint may follow. It raised the first salt by one.
+            if (salts[0] - frames[read:, 2] - 1 >= checkpoints).any():
+                return f'it is wrong at byte {where + read * size}'
+            where += len(piece)
+            if cut and whole:
+                return 'it is cut off'
+    return '' if where > _LOG_SIZE else 'it is cut off'
+
+
+def _checksums(before: NDArray[Any], *words: NDArray[Any]) -> NDArray[Any]:
+    """Return SQLite's checksum of each row, from the checksum before it, (n, 2)."""
+    row = np.hstack((before, *words))
+    # Each number is the sum of a word and the two numbers before, so words count by Fibonacci's.
+    series = [0, 1]
+    while len(series) < row.shape[1]:
+        series.append((series[-1] + series[-2]) % 2**32)
+    weights = np.array(series[::-1], np.uint32)
+    return row @ np.stack((np.hstack((weights[2:0:-1], weights[2:])),
+                           np.hstack((weights[1::-1], weights[1:-1]))), axis=1)
+
+
 def _connected(path: Path, scratch: Scratch) -> sqlite3.Connection:
     logs = [Path(f'{path}{end}') for end in _LOGS if _size(Path(f'{path}{end}'))]
     with path.open('rb') as file:
@@ -153,7 +215,7 @@ def _connected(path: Path, scratch: Scratch) -> sqlite3.Connection:
     page_size = 65536 if page_size == 1 else page_size
     beyond = path.stat().st_size % page_size if page_size >= 512 else 0
     if not beyond:
-        uri = path.resolve().as_uri()
+        uri = path.as_uri()
         if not logs:
             return _opened(f'{uri}?immutable=1')
         try:

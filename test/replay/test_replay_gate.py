@@ -22,7 +22,7 @@ from compiled import plain_python
 import pytest
 from recordings import box, check, DECLARED, drive, main, write
 from sat_collision.replay import command, parallel
-from storages import killed_recorder
+from storages import killed_recorder, write_mcap
 
 CLEAR = drive(2.0, contact=(0, 0))
 TOUCHING = drive(2.0, contact=(1.0, 1.5))
@@ -225,6 +225,14 @@ def test_junit_with_a_baseline(bags, tmp_path):
 def test_missing_topic_is_reported_with_the_nearest_name(bags, capsys):
     assert main([bags[0], '--footprint', '/footprints']) == 2
     assert 'no topic /footprints; did you mean /footprint?' in capsys.readouterr().out
+
+
+def test_topic_that_no_name_means_is_not_suggested(tmp_path, capsys):
+    """A recording may have topics without a slash, which every name is given."""
+    bag = write_mcap(tmp_path / 'a.mcap', [('footprint', 0.0, box(0.0))])
+    assert main([str(bag)]) == 2
+    out = capsys.readouterr().out
+    assert 'no topic /footprint;' in out and 'did you mean' not in out
 
 
 @pytest.mark.parametrize('module, arguments, library', [

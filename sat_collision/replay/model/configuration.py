@@ -228,7 +228,8 @@ def missing_topics(settings: Settings, types: Mapping[str, str]) -> Iterator[str
     for source in all_sources(settings):
         if source.enabled and source.topic not in types:
             kind = 'obstacles' if isinstance(source, ObstacleSettings) else 'footprints'
-            if nearest := get_close_matches(source.topic, types, 1):
+            if nearest := get_close_matches(
+                    source.topic, [topic for topic in types if topic.startswith('/')], 1):
                 hint = f'did you mean {nearest[0]}?'
             elif candidates and _types_of(source)[0] in _KINDS:
                 hint = f'it has {", ".join(candidates)}: choose with {_OPTIONS[kind]}'

@@ -22,6 +22,7 @@ from sat_collision.messages.ingest import Ingest
 from sat_collision.replay import check as replay
 from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.model.result import HEADER, Options, Verdict
+from storages import storage_file
 
 
 LIVE = Options(as_live=True)
@@ -259,11 +260,13 @@ def test_stamps_of_obstacles_and_maps_may_be_in_any_order(tmp_path):
 @pytest.mark.parametrize('latched, verdict', [
     ((), Verdict.UNKNOWN), (('/obstacles',), Verdict.CLEAR)])
 def test_map_recorded_once_must_be_latched(tmp_path, storage, latched, verdict):
-    """Otherwise earlier messages may have been missed."""
+    """Otherwise earlier messages may have been missed; its storage file alone says it, too."""
     messages = [('/obstacles', 0.0, serialised(points, 0)) for points in (box(3), box(5), [])]
     messages += [('/footprint', k / 10, box(0)) for k in range(50)]
     bag = write(tmp_path / 'bag', messages, storage, latched=latched)
-    assert check(bag, Options(parameters={f'{SOURCE}.timeout': 0.0})).verdict is verdict
+    for recording in (bag, storage_file(bag)):
+        result = check(recording, Options(parameters={f'{SOURCE}.timeout': 0.0}))
+        assert (result.verdict, result.problems) == (verdict, [])
 
 
 @pytest.mark.parametrize('as_live', [False, True])

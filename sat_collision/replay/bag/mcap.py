@@ -255,11 +255,18 @@ class McapFile(Storage):
             else:
                 # With another schema the topic has another type.
                 schema, = struct.unpack_from('<H', content, 2)
-                channel = _text(content, 4)[0], schema
+                topic, at = _text(content, 4)
+                channel = topic, schema
                 before = self._channels.setdefault(key, channel)
                 if before != channel:
                     self._faults.differs((kind, key),
                                          f'channel {key} is {before[0]} and {channel[0]}')
+                at = _text(content, at)[1] + 4
+                while at < len(content):
+                    name, at = _text(content, at)
+                    value, at = _text(content, at)
+                    if name == 'offered_qos_profiles':
+                        self.profiles.add((topic, value))
         except (struct.error, ValueError):
             self._faults.damaged(f'damaged at byte {where}: invalid {_NAMES[kind]} record')
 

@@ -140,7 +140,7 @@ class Recording(Storage):
                     f'a folder of recordings; name each of them, such as {min(bags)}')
                 return []
         try:
-            self._metadata = read_metadata(metadata, self._limits.memory // 100)
+            self._metadata = read_metadata(metadata, self._limits.metadata)
         except FileNotFoundError:
             faults.damaged("is missing; 'ros2 bag reindex' restores it")
         except (Damage, OSError) as error:
@@ -163,7 +163,7 @@ class Recording(Storage):
         more = [file.name for file in present if file not in listed]
         if more:
             self._faults.differs('more', f'metadata.yaml does not list {", ".join(more)}')
-        return [file for file in listed if file.exists()]
+        return [file for file in listed if file.exists()] or present
 
     def _open(self, file: Path) -> None:
         """Open a storage file; if it is compressed as a whole, decompress it first."""
@@ -213,6 +213,8 @@ class Recording(Storage):
             self._add_topic(topic, kind)
         self.counts.update(part.counts)
         self._extend(part.start, part.end)
+        self.latched |= {topic for topic, profiles in part.profiles
+                         if len(profiles) <= self._limits.metadata and _is_latched(profiles)}
 
     def _compare(self, found: Mapping[str, int]) -> None:
         """Compare numbers of messages with those in metadata.yaml."""

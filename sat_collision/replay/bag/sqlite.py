@@ -88,49 +88,59 @@ class SqliteFile(Storage):
         if not self._connection:
             return
         read: Counter[str] = Counter()
-        untimed = unfit = 0
+        unfit = 0
         keys = [key for key, name in self._names.items() if name in topics]
         query = _READ.format('data' if self._plain else _GUARDED.format(self._max_bytes),
                              '' if self._whole else 'NOT INDEXED', ', '.join('?' * len(keys)),
-                             'timestamp' if self._whole else 'rowid')
+                             'timestamp, id' if self._whole else 'rowid')
         try:
             for key, time, data in self._connection.execute(query, keys):
-                topic = self._names[key]
+                topic = self._names.get(key)
+                if topic is None:  # an id that only SQLite takes for that of a topic
+                    continue
                 read[topic] += 1
-                if type(time) is not int:
-                    untimed += 1
-                elif (start is None or time >= start) and (stop is None or time < stop):
+                if type(time) is int and (start is None or time >= start) and (
+                        stop is None or time < stop):
                     if data is None:
                         unfit += 1
                         data = b''
                     yield topic, time, data
         except sqlite3.Error as error:
             self._faults.damaged(f'damaged after {read.total()} messages: {_message_of(error)}')
-        if untimed or unfit:
-            self._faults.differs('types', f'{untimed + unfit} messages have values of wrong types')
+        if unfit:
+            self._faults.differs('types', f'{unfit} messages have values of wrong types')
         self._faults.compare(read, {topic: self.counts[topic] for topic in read},
                              '{1} messages of {0} can be read, but it has {2}')
 
     def _read_topics(self, connection: sqlite3.Connection) -> None:
+        plain: dict[str, set[str]] = {}
         for table, columns in _COLUMNS.items():
             # A view or a computed column may be endless; a virtual table has no page.
             found = connection.execute('SELECT type, rootpage FROM sqlite_master WHERE name = ?',
                                        (table,)).fetchall()
-            plain = {name for _, name, _, _, _, _, hidden in connection.execute(
+            plain[table] = {name for _, name, _, _, _, _, hidden in connection.execute(
                 f'PRAGMA table_xinfo({table})') if not hidden} if found else set()
-            if len(found) != 1 or found[0][0] != 'table' or not found[0][1] or columns - plain:
+            if (len(found) != 1 or found[0][0] != 'table' or not found[0][1]
+                    or columns - plain[table]):
                 raise Damage(f"'{table}' is not a table of a recording")
-        for key, name, kind in connection.execute('SELECT id, name, type FROM topics'):
+        # Early recorders write no QoS.
+        qos = next(iter(plain['topics'] & {'offered_qos_profiles'}), 'NULL')
+        for key, name, kind, profiles in connection.execute(
+                f'SELECT id, name, type, {qos} FROM topics'):
             if not isinstance(name, str) or not isinstance(kind, str):
                 self._faults.damaged('a topic whose name or type is not text')
                 continue
-            self._names[key] = name
+            known = self._names.setdefault(key, name)
+            if known != name:
+                self._faults.differs(('id', key), f'topic {key} is {known} and {name}')
             self._add_topic(name, kind)
+            if isinstance(profiles, str):
+                self.profiles.add((name, profiles))
 
     def _survey(self, connection: sqlite3.Connection, size: int) -> None:
         """Count the messages, and find the first and the last time."""
         counts: dict[object, int] = dict.fromkeys(self._names, 0)
-        announced, longest, shortest = 0, 0, 0
+        announced, longest, shortest, untimed = 0, 0, 0, 0
         start, end = 2**63, -2**63 - 1
         try:
             for key, time, length in connection.execute(_SURVEY):
@@ -145,10 +155,14 @@ class SqliteFile(Storage):
                         start = time
                     if time > end:
                         end = time
+                else:
+                    untimed += 1
             self._whole = True
         finally:
             if start <= end:
                 self._extend(start, end)
+            if untimed:
+                self._faults.differs('times', f'{untimed} messages have no time')
             for key, name in self._names.items():
                 self.counts[name] += counts.pop(key)
             self._faults.unknown('topics', counts)

@@ -113,6 +113,8 @@ class Storage:
     def __init__(self, faults: Faults) -> None:
         self.topics: dict[str, str] = {}  # types by name
         self.counts: Counter[str] = Counter()  # numbers of messages by topic
+        # QoS profiles of publishers, in YAML: (topic, profiles).
+        self.profiles: set[tuple[str, str]] = set()
         self.start: int | None = None  # times of the first and the last message
         self.end: int | None = None
         self._faults = faults
@@ -200,6 +202,11 @@ class Limits:
         """Max bytes that are decompressed at a time."""
         # A message takes at least 31 bytes of a chunk, and about 200 as an entry of a list.
         return self.memory // 8
+
+    @property
+    def metadata(self) -> int:
+        """Max bytes of a text in YAML."""
+        return self.memory // 100
 
 
 def unpacked(packed: bytes, compression: str, max_bytes: int) -> bytes:

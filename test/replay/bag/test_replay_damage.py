@@ -28,7 +28,7 @@ from xml.etree import ElementTree
 
 from compiled import plain_python
 import pytest
-from recordings import box, check, drive, SOURCE, START, write
+from recordings import box, check, drive, POLYGON, SOURCE, START, write
 from sat_collision.replay.__main__ import main
 from sat_collision.replay.bag.sqlite import SqliteFile
 from sat_collision.replay.bag.storage import check_bag_writer, Faults, Limits, Scratch
@@ -313,6 +313,50 @@ def test_topic_of_two_types_is_reported(tmp_path):
         result = check(file)
         assert result.verdict is Verdict.BAD_INPUT
         assert any('/obstacles has the types' in problem for problem in result.problems)
+
+
+def with_columns(path, types, *statements):
+    """Write a recording to SQLite tables whose id, topic_id and timestamp have some types."""
+    create_db3(path, CLEAR).close()
+    run_sql(path, 'CREATE TABLE old AS SELECT * FROM messages', 'DROP TABLE messages',
+            'CREATE TABLE names AS SELECT * FROM topics', 'DROP TABLE topics',
+            'CREATE TABLE topics(id {}, name TEXT, type TEXT)'.format(types[0]),
+            'CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id {}, timestamp {}, data BLOB)'
+            .format(*types[1:]), 'INSERT INTO topics SELECT id, name, type FROM names',
+            'INSERT INTO messages SELECT * FROM old', *statements)
+    return path
+
+
+@pytest.mark.parametrize('types, words', [
+    (('TEXT', 'INTEGER', 'INTEGER'), f'{ALL} messages of unknown topics (1, 2)'),
+    (('INTEGER', 'TEXT', 'INTEGER'), f'{ALL} messages of unknown topics (1, 2)'),
+    (('INTEGER', 'INTEGER', 'REAL'), f'{ALL} messages have no time'),
+    (('INTEGER', 'INTEGER', 'TEXT'), f'{ALL} messages have no time')])
+def test_columns_of_other_types_are_reported(tmp_path, types, words):
+    result = check(with_columns(tmp_path / 'a.db3', types))
+    assert (result.verdict, result.messages) == (Verdict.BAD_INPUT, 0)
+    assert words in result.problems[0]
+
+
+def test_topic_id_of_two_topics_is_reported(tmp_path):
+    result = check(with_columns(tmp_path / 'a.db3', ['INTEGER'] * 3, (
+        'INSERT INTO topics VALUES (2, ?, ?)', ('/elsewhere', POLYGON))))
+    assert (result.verdict, result.messages) == (Verdict.BAD_INPUT, ALL)
+    assert 'topic 2 is /obstacles and /elsewhere' in result.problems[0]
+
+
+@pytest.mark.parametrize('index', (
+    'timestamp DESC', 'topic_id', 'topic_id, timestamp', 'timestamp, topic_id DESC'))
+def test_messages_of_one_time_are_read_in_the_order_of_writing(tmp_path, index):
+    """Whichever index SQLite takes."""
+    written = [(topic, time // 1, points) for topic, time, points in drive()]
+    create_db3(tmp_path / 'a.db3', written).close()
+    run_sql(tmp_path / 'a.db3', 'DROP INDEX timestamp_idx', f'CREATE INDEX a ON messages({index})')
+    storage = SqliteFile(tmp_path / 'a.db3', Faults(tmp_path), Scratch(0), Limits())
+    with contextlib.closing(storage):
+        topics = [topic for topic, times, _ in storage.rows({'/footprint', '/obstacles'})
+                  for _ in times]
+    assert topics == [topic for topic, *_ in written]
 
 
 def test_topic_name_cannot_forge_a_line(tmp_path):

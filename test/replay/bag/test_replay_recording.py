@@ -159,6 +159,17 @@ def test_missing_metadata_is_reported(tmp_path, storage):
 
 
 @pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
+def test_file_of_another_name_than_listed_is_read(tmp_path, storage):
+    """And reported, if no listed file is there."""
+    bag = write(tmp_path / 'bag', drive(), storage)
+    file = storage_file(bag)
+    file.rename(bag / f'renamed{file.suffix}')
+    result = check(bag)
+    assert (result.messages, result.verdict) == (ALL, Verdict.COLLISION)
+    assert file.name in result.problems[0] and 'renamed' in result.problems[0]
+
+
+@pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
 @pytest.mark.parametrize('share', (0.3, 0.7, 0.99))
 def test_truncated_file_is_read_up_to_its_end(tmp_path, storage, share):
     """As from a killed recorder."""

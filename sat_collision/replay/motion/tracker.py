@@ -453,7 +453,8 @@ class KeyTracker(Tracker):
                 items if replaced or is_over else old):
             over, is_forgotten = self._end_of(seen_at, times)
             is_forgotten = is_forgotten or over < now or name in replaced
-            again = self._pending.get(name)
+            again = self._pending.get(
+                name._replace(number=0) if name in self._beside else name)
             if stamp >= now - least and not is_forgotten or (
                     again and again.stamp <= seen_at + self._timeout):
                 continue

@@ -44,6 +44,15 @@ def test_id_is_linked_though_a_message_shortly_after_it_is_later_than_its_timeou
     assert since(result, contact.first, contact.last) == pytest.approx([0.18, 0.27])
 
 
+def test_second_place_of_an_id_ends_with_its_next_stamp(tmp_path):
+    """Another one comes 50 ms after that, later than its timeout."""
+    messages = samples([0.0] * 20) + [track(*one) for one in (
+        (0.95, 2, 9.0), (1.0, 1, 9.0), (1.0, 1, 0.5, 0.001), (1.48, 1, 9.0), (1.53, 2, 9.0))]
+    contact, = (result := run(tmp_path, messages, None, parameters={
+        'tracks.timeout': 0.5})).contacts
+    assert since(result, contact.first, contact.last) == pytest.approx([1.0, 1.48])
+
+
 def test_id_is_gone_with_the_first_message_that_shows_it(tmp_path):
     """Its timeout is shorter than the time for which messages are taken together."""
     messages = samples([0.0] * 10) + [track(0.1, 1, 0.5)] + [

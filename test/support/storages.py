@@ -35,12 +35,13 @@ def storage_file(bag):
     return file
 
 
-def write_mcap(path, messages, chunk_size=2000, compression='', **options):
+def write_mcap(path, messages, chunk_size=2000, compression='', indexes='ALL', **options):
     """Write (topic, seconds, points) to an MCAP file with checksums and indexes; return it."""
     mcap = pytest.importorskip('mcap.writer')
     with path.open('wb') as file:
         writer = mcap.Writer(file, chunk_size,
-                             mcap.CompressionType[compression.upper() or 'NONE'], **options)
+                             mcap.CompressionType[compression.upper() or 'NONE'],
+                             mcap.IndexType[indexes], **options)
         writer.start('ros2')
         schema = writer.register_schema(POLYGON, 'ros2msg', b'')
         channels = {}

@@ -26,12 +26,13 @@ from sat_collision.replay.bag.storage import (
     Damage, EMPTY, Faults, Limits, LONGEST_ROW, Row, Storage, unpacked)
 
 _MAGIC = b'\x89MCAP0\r\n'
-_FOOTER_KIND, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX = range(2, 8)
+_HEADER, _FOOTER_KIND, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX = range(1, 8)
 _CHUNK_INDEX, _STATISTICS, _DATA_END = 8, 11, 15
 _NAMES = {_SCHEMA: 'schema', _CHANNEL: 'channel', _MESSAGE: 'message', _CHUNK: 'chunk',
           _MESSAGE_INDEX: 'index', _CHUNK_INDEX: 'index', _STATISTICS: 'statistics'}
 _OF_DATA = _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX
 _OF_SUMMARY = _SCHEMA, _CHANNEL, _CHUNK_INDEX, _STATISTICS
+_NOT_OF_SUMMARY = _HEADER, _FOOTER_KIND, _MESSAGE, _CHUNK, _MESSAGE_INDEX, _DATA_END
 _RECORD_HEAD = struct.Struct('<BQ')
 _MESSAGE_HEAD = struct.Struct('<HIQQ')
 _MESSAGE_RECORD = struct.Struct('<BQH4xQ8x')
@@ -102,7 +103,8 @@ class McapFile(Storage):
             return
         counts = self._statistics
         if counts is None or len(self._channels) < self._channel_count or any(
-                schema not in self._schemas for _, schema in self._channels.values()):
+                schema not in self._schemas for _, schema in self._channels.values()
+        ) or not all(map(self._is_indexed, self._chunks)):
             counts = self._survey()
         for channel, (topic, schema) in self._channels.items():
             self.counts[topic] += counts[channel]
@@ -112,8 +114,10 @@ class McapFile(Storage):
         if self._indexed:
             self._compare(self._indexed, 'are indexed')
         if self.start is None:
-            self._extend(*(time for chunk in self._chunks if chunk.first <= chunk.last
-                           for time in (chunk.first, chunk.last) if time))
+            # Chunks without messages announce 0.
+            self._extend(*(time for chunk in self._chunks
+                           if chunk.first <= chunk.last and (chunk.last or chunk.announced != 0)
+                           for time in (chunk.first, chunk.last)))
 
     @property
     def compressions(self) -> set[str]:
@@ -142,6 +146,12 @@ class McapFile(Storage):
         if start is None and stop is None:
             self._compare(read, 'can be read')
             self._is_surveyed = True
+
+    def _is_indexed(self, chunk: Chunk) -> bool:
+        """Return whether the indexes confirm the times of a chunk, and that it has any if 0."""
+        return not chunk.where or (
+            self._chunk_index.get(chunk.where) == (chunk.first, chunk.last)
+            and (chunk.last > 0 or chunk.announced is not None))
 
     def _survey(self) -> Counter[int]:
         """Read all of a file whose summary is not complete; return the counts by channel."""
@@ -300,6 +310,7 @@ class McapFile(Storage):
                 for where, kind, size in self._framed(where, self._size):
                     if kind == _DATA_END:
                         self._check_data(where, size)
+                        self._check_rest(where + _RECORD_HEAD.size + size)
                         break
                     if kind in _OF_DATA:
                         self._take(where, kind, size)
@@ -326,6 +337,12 @@ class McapFile(Storage):
                 found = zlib.crc32(os.pread(self._file, min(_PIECE, where - at), at), found)
         if found != checksum:
             self._faults.damaged('damaged in its data: its checksum (data_section_crc) is wrong')
+
+    def _check_rest(self, where: int) -> None:
+        """Report data behind the end of the data, as where files were joined."""
+        for where, kind, _ in self._framed(where, self._size - _FOOTER_SIZE):
+            if kind in _NOT_OF_SUMMARY:
+                raise _Misplaced(where, 'more data behind the end of the data, which are not read')
 
     def _framed(self, where: int, end: int) -> Iterator[tuple[int, int, int]]:
         """Yield (position, kind, size of the content) of consecutive records."""

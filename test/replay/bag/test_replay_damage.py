@@ -35,13 +35,15 @@ from sat_collision.replay.bag.storage import check_bag_writer, Faults, Limits, S
 from sat_collision.replay.model.result import Options, Verdict
 
 from storages import (
-    add_rows, channel, CHUNK, CHUNK_INDEX, create_db3, HEADER, killed_recorder, MAGIC, mcap_of,
-    message, record, records, run_sql, schema, storage_file, text, write_mcap)
+    add_rows, channel, CHUNK, CHUNK_INDEX, create_db3, DATA_END, FOOTER, HEADER, killed_recorder,
+    MAGIC, mcap_of, message, record, records, run_sql, schema, storage_file, text, write_mcap)
 
 ALL = 3 * 101
 CLEAR = drive(contact=(0, 0))
 MB = 10**6
 SECOND = 10**9
+WITHOUT_SUMMARY = {'indexes': 'NONE', 'repeat_channels': False,
+                   'repeat_schemas': False, 'use_statistics': False, 'use_summary_offsets': False}
 
 
 def offsets(data, kind):
@@ -244,6 +246,40 @@ def test_chunk_of_an_unknown_kind_is_noticed_by_the_message_count(tmp_path):
     problem, = result.problems
     assert result.verdict is Verdict.BAD_INPUT
     assert f'{2 * ALL // 3}' in problem and f'{result.sources[0].received}' in problem
+
+
+@pytest.mark.parametrize('where', (7, 15), ids=('first', 'last'))
+def test_wrong_time_of_a_chunk_without_index_is_reported(tmp_path, where):
+    """Also for a part of the time, which that chunk would then be outside of."""
+    file = write_mcap(tmp_path / 'a.mcap', CLEAR, indexes='NONE')
+    data = bytearray(file.read_bytes())
+    place, _ = offsets(data, CHUNK)[5]
+    data[place + 9 + where] ^= 64 if where == 7 else 0x17
+    for content in (data, file.read_bytes()):
+        file.write_bytes(content)
+        for options in (Options(), Options(start=1.0, duration=8.0)):
+            problems = check(file, options).problems
+            assert bool(problems) == (content is data)
+
+
+@pytest.mark.parametrize('chunked', (False, True))
+@pytest.mark.parametrize('behind', ('recording', 'end', 'message'))
+def test_what_follows_the_end_of_the_data_is_reported(tmp_path, behind, chunked):
+    """Two files in one, as of `cat`, of which the second one has the collision."""
+    first, second = (write_mcap(
+        tmp_path / f'{k}.mcap', drive(contact=contact), use_chunking=chunked, **WITHOUT_SUMMARY
+    ).read_bytes() for k, contact in enumerate([(0, 0), (4.0, 5.0)]))
+    end = record(DATA_END, bytes(4)) + record(FOOTER, bytes(20)) + MAGIC
+    if behind == 'end':
+        second = end
+    elif behind == 'message':
+        first, second = first[:-len(end)] + record(DATA_END, bytes(4)), (
+            message(2, box(0.0), 3.0) + record(FOOTER, bytes(20)) + MAGIC)
+    (tmp_path / 'both.mcap').write_bytes(first + second)
+    result = check(tmp_path / 'both.mcap')
+    problem, = result.problems
+    assert (result.verdict, result.messages) == (Verdict.BAD_INPUT, ALL)
+    assert 'behind the end of the data' in problem
 
 
 @pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))

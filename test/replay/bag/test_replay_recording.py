@@ -24,15 +24,18 @@ from builders import serialised
 import numpy as np
 import pytest
 from recordings import (
-    box, check, DECLARED, drive, main, POLYGON, run_without, START, write)
+    box, check, DECLARED, drive, main, nanoseconds, POLYGON, run_without, START, write)
 from rosbags.highlevel import AnyReader
 from sat_collision.replay.bag import storage as storages
+from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.model.result import Options, Verdict
 from storages import (
-    channel, CHUNK, mcap_of, MESSAGE, message, record, schema, storage_file, text)
+    channel, CHUNK, mcap_of, MESSAGE, message, record, schema, storage_file, text,
+    write_mcap)
 import yaml
 
 ALL = 3 * 101
+SECOND = 10**9
 
 
 def cut(path, share):
@@ -144,6 +147,43 @@ def test_rows_of_files_are_in_the_order_of_time(tmp_path, seed):
     files.sort(key=lambda one: one.start or 0)
     assert seen == sorted((one for file in files for one in file.messages),
                           key=lambda one: one[1])
+
+
+@pytest.mark.parametrize('as_live', (False, True))
+@pytest.mark.parametrize('part', ({}, {'start': 2.0, 'duration': 6.0}))
+def test_recording_that_begins_at_zero(tmp_path, as_live, part):
+    """As of a simulation; all messages are in one chunk."""
+    file = write_mcap(tmp_path / 'a.mcap', [
+        (topic, time - START / SECOND, points) for topic, time, points in drive()], 10**6)
+    result = check(file, Options(as_live=as_live, **part))
+    assert (result.problems, result.verdict) == ([], Verdict.COLLISION)
+    assert result.origin == 0
+
+
+@pytest.mark.parametrize('as_live', (False, True))
+def test_one_message_received_at_zero(tmp_path, as_live):
+    """Of another topic; what is in the same chunk is checked nevertheless."""
+    messages = [('/elsewhere', -START / SECOND, []), *drive()]
+    result = check(write_mcap(tmp_path / 'a.mcap', messages, 10**6), Options(as_live=as_live))
+    assert (result.problems, result.verdict) == ([], Verdict.COLLISION)
+
+
+@pytest.mark.parametrize('as_live', (False, True))
+@pytest.mark.parametrize('indexes', ('ALL', 'CHUNK', 'NONE'))
+def test_all_messages_received_at_zero(tmp_path, as_live, indexes):
+    """Their stamps are the clock."""
+    file = write_mcap(tmp_path / 'a.mcap', [
+        (topic, -START / SECOND, serialised(points, nanoseconds(time)))
+        for topic, time, points in drive()], indexes=indexes)
+    result = check(file, Options(as_live=as_live, clock='header'))
+    assert (result.problems, result.messages) == ([], ALL)
+    assert result.verdict is Verdict.COLLISION
+
+
+def test_chunks_without_messages_have_no_time(tmp_path):
+    """The types and topics have chunks of their own, which announce 0."""
+    with Recording(write_mcap(tmp_path / 'a.mcap', drive(), 1)) as recording:
+        assert (recording.start, recording.end) == (START, nanoseconds(10.0))
 
 
 @pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))

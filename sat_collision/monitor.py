@@ -113,7 +113,7 @@ class Monitor:
         if name in self.paths.names:
             self.paths.receive(name, messages[-1])
             return _NOTHING
-        rejections: Sequence[Rejection] = _NOTHING
+        rejections: list[Rejection] = []
         batch = Batch(messages, number) if name in self.ingest.headers else None
         applied = 0
         while applied < len(messages):
@@ -121,9 +121,8 @@ class Monitor:
                     run := self.ingest.apply_run(name, batch, applied, now)):
                 applied += run
             else:
-                if refused := self._admit(
-                        name, messages[applied], number and number + applied, now):
-                    rejections = [*rejections, *refused]
+                rejections += self._admit(
+                    name, messages[applied], number and number + applied, now)
                 applied += 1
         return rejections
 

@@ -11,6 +11,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence, Set
 from dataclasses import replace
 from functools import partial
@@ -167,7 +168,9 @@ class _Check:
         self._now = 0
         self._due: float = NEVER
         self._examples: dict[str, dict[str, str]] = {}
-        self._undecodable: dict[str, list[str]] = {}
+        # Messages that cannot be decoded, by topic, and why not the first one.
+        self._undecodable: Counter[str] = Counter()
+        self._undecoded: dict[str, str] = {}
 
     def run(self, progress: OnProgress | None) -> None:
         """Check the recording and fill in the result."""
@@ -193,9 +196,9 @@ class _Check:
             else:
                 end = recording.end if stop is None else min(stop, recording.end)
                 self._play(names, start, stop, end, progress)
-        for topic, details in self._undecodable.items():
-            result.problems.append(f'{recording.path}: {len(details)} messages on {topic} cannot '
-                                   f'be decoded, the first one: {details[0]}')
+        for topic, count in self._undecodable.items():
+            result.problems.append(f'{recording.path}: {count} messages on {topic} cannot be '
+                                   f'decoded, the first one: {self._undecoded[topic]}')
         if not recording.counts.total() and (recording.topics or not recording.problems):
             result.notes.append('the recording has no messages: were the topics published while '
                                 'it was made, with a QoS that suits the recorder?')
@@ -404,7 +407,7 @@ class _Check:
                 try:
                     losses.add(time, event)
                 except MessageError as error:
-                    self._undecodable.setdefault(topic, []).append(str(error))
+                    self._note_undecodable(topic, str(error))
         return losses if topics else None
 
     def _rows(self, topics: Collection[str], start: int | None = None,
@@ -438,9 +441,13 @@ class _Check:
                 self._place(self._untaken)
                 self._motion.lose(rejection.name, self._now)
             if rejection.reason == UNDECODABLE:
-                self._undecodable.setdefault(rejection.topic, []).append(rejection.detail)
+                self._note_undecodable(rejection.topic, rejection.detail)
             self._examples.setdefault(rejection.name, {}).setdefault(
                 rejection.reason, rejection.text)
+
+    def _note_undecodable(self, topic: str, why: str) -> None:
+        self._undecodable[topic] += 1
+        self._undecoded.setdefault(topic, why)
 
     def _follow(self, now: int) -> None:
         """Process new placements and, once the clock has started, changed states."""

@@ -151,11 +151,15 @@ def _read_polygon_2d_header(data: bytes) -> tuple[int, str, bytes, int, _Order]:
 
 
 def header_stamp(data: bytes) -> int:
-    """Return the header stamp of a message in ns, 0 if it cannot be read in place."""
+    """Return the header stamp of a message in ns, 0 if it has none that is valid."""
     if len(data) < STAMP_SIZE:
         return 0
     encapsulation, seconds, nanoseconds = _read_stamp(data)
-    if encapsulation != _OWN_CDR or nanoseconds >= _SECOND:
+    if encapsulation != _OWN_CDR:
+        if not (order := _ORDERS.get(encapsulation)):
+            return 0
+        seconds, nanoseconds = order.stamp(data, _ENCAPSULATION_SIZE)
+    if nanoseconds >= _SECOND:
         return 0
     return int(seconds * _SECOND + nanoseconds)
 
@@ -177,6 +181,7 @@ class _Order:
         self.sign = sign
         self.count = struct.Struct(f'{sign}I').unpack_from
         self.identity = struct.Struct(f'{sign}q').unpack_from
+        self.stamp = struct.Struct(f'{sign}iI').unpack_from
         self.head = struct.Struct(f'{sign}iII').unpack_from
         self.transform = struct.Struct(f'{sign}7d').unpack_from
         self.losses = struct.Struct(f'{sign}2Q').unpack_from

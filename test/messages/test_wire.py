@@ -411,12 +411,13 @@ def test_frame_id_that_is_not_utf8_is_refused():
         decode(data.replace(b'abcd', b'abc\xff'), False)
 
 
+@pytest.mark.parametrize('order', '<>')
 @pytest.mark.parametrize('sec, nanosec', [(7, 8), (-1, 999_999_999), (0, 0), (5, SECOND)])
-def test_header_stamp(sec, nanosec):
+def test_header_stamp(sec, nanosec, order):
     """An invalid stamp counts as none."""
-    data = changed(serialised(POINTS), 4, '<iI', sec, nanosec)
+    data = changed(serialised(POINTS, order=order), 4, f'{order}iI', sec, nanosec)
     assert header_stamp(data) == (sec * SECOND + nanosec if nanosec < SECOND else 0)
-    assert header_stamp(data[:11]) == header_stamp(serialised([], order='>')) == 0
+    assert header_stamp(data[:11]) == header_stamp(b'\0\7' + data[2:]) == 0
 
 
 def test_decoding_needs_neither_ros_nor_rosbags():

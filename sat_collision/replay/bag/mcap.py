@@ -141,6 +141,7 @@ class McapFile(Storage):
         read: Counter[int] = Counter()
         for chunk, following in zip_longest(chunks, chunks[1:]):
             _, channels = self._load(chunk, pending, faults)
+            pending.places += [chunk.at] * (len(pending.times) - len(pending.places))
             read.update(channels)
             yield from pending.take(following.first if following else 2**64)
         if start is None and stop is None:
@@ -429,12 +430,14 @@ class _Pending:
         self.times: list[int] = []
         self.channels: list[int] = []
         self.messages: list[bytes] = []
+        self.places: list[int] = []  # positions of their chunks
 
     def take(self, until: int) -> Iterator[Row]:
-        """Yield and drop messages from before a time; those of equal times as they were added."""
-        columns: tuple[list[Any], ...] = self.times, self.channels, self.messages
-        if self.times != sorted(self.times):
-            order = sorted(range(len(self.times)), key=self.times.__getitem__)
+        """Yield and drop messages from before a time; those of equal times as in the file."""
+        columns: tuple[list[Any], ...] = self.times, self.channels, self.messages, self.places
+        if self.times != sorted(self.times) or self.places != sorted(self.places):
+            order = sorted(range(len(self.times)), key=self.places.__getitem__)
+            order.sort(key=self.times.__getitem__)
             for column in columns:
                 column[:] = [column[k] for k in order]
         ready = bisect_left(self.times, until)

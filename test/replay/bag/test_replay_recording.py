@@ -180,6 +180,32 @@ def test_all_messages_received_at_zero(tmp_path, as_live, indexes):
     assert result.verdict is Verdict.COLLISION
 
 
+@pytest.mark.parametrize('clock', ('receive', 'header'))
+def test_big_endian_recording_counts_by_its_stamps(tmp_path, clock):
+    """The footprint is received late, when the obstacle is elsewhere."""
+    found = []
+    for order in '<>':
+        messages = [(topic, time + (topic == '/footprint') * 3.0,
+                     serialised(points, nanoseconds(time), order=order))
+                    for topic, time, points in drive()]
+        file = write_mcap(tmp_path / 'a.mcap', sorted(messages, key=lambda one: one[1]))
+        result = check(file, Options(clock=clock))
+        found.append((result.verdict, result.contacts, result.duration, result.notes))
+    assert found[0] == found[1] and found[0][0] is Verdict.COLLISION
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_messages_of_one_time_are_in_the_order_of_the_file(tmp_path, seed):
+    """Of chunks that overlap, too, some of which begin before the one that they follow."""
+    rng = np.random.default_rng(seed)
+    times = np.maximum.accumulate(np.arange(60) // 4 - rng.choice([0, 0, 2], 60) + 2)
+    times -= rng.choice([0, 0, 0, 0, 1, 3], 60) * (times > 5)
+    messages = [('/obstacles', int(time) / 10, b'%d' % k) for k, time in enumerate(times)]
+    with Recording(write_mcap(tmp_path / 'a.mcap', messages, 150)) as recording:
+        found = [data for *_, row in recording.rows(['/obstacles']) for data in row]
+    assert found == [data for _, _, data in sorted(messages, key=lambda one: one[1])]
+
+
 def test_chunks_without_messages_have_no_time(tmp_path):
     """The types and topics have chunks of their own, which announce 0."""
     with Recording(write_mcap(tmp_path / 'a.mcap', drive(), 1)) as recording:

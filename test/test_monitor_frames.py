@@ -309,6 +309,18 @@ def test_stamp_0_refuses_a_newest_transform_past_the_timeout(robot):
     assert 'lidar' not in robot.monitor.waiting
 
 
+def test_footprint_without_a_stamp_is_as_old_as_its_transform(robot):
+    """Its frame is last known at 1 s, and its timeout is 1 s."""
+    robot.wait_until(1.75)
+    assert robot.send('robot', box(0), 'none', 'base') is None
+    assert (robot.bounds(), robot.state().age) == ((1.0, 0.0, 2.0, 1.0), 0.75)
+    robot.see((), 1.75)
+    assert robot.status() == 'clear'
+    robot.wait_until(2.000001)
+    assert robot.state().reasons == (
+        'footprint robot on /footprint is older than its timeout of 1 s',)
+
+
 def test_empty_polygon_needs_no_transform(robot):
     robot.wait_until(2.5)
     robot.see([], 2.5, 'camera')

@@ -204,6 +204,9 @@ class Ingest:
                     return self.reject(settings, found.reason, found.detail)
                 affine, at = found
                 origin, frame_id = (frame_id, at), self._fixed
+                if isinstance(settings, FootprintSettings):
+                    # Without a stamp it is as old as the transform that says where it is.
+                    stamp = stamp or at or 0
             if isinstance(settings, FootprintSettings):
                 body = self._packer.pack(points, affine or UNMOVED)
                 refusal = scene.footprint(name, body, frame_id, stamp, now, origin, number)

@@ -498,7 +498,8 @@ def test_control_characters_in_frame_names_are_escaped(robot, name):
     robot.move(1.0)
     robot.receive_transforms(TF, (name, 'lost', nanoseconds(1.1), math.nan, 0.0),
                              ('lost', name, nanoseconds(1.1), math.nan, 0.0),
-                             (name, 'island', robot.now, 0, 0), ('island', name, robot.now, 0, 0))
+                             (name, 'island', robot.now, 0, 0), ('bay', name, robot.now, 0, 0),
+                             ('island', 'bay', robot.now, 0, 0))
     robot.see(box(0), 1.0, name)
     robot.see(box(0), 1.0, 'island')
     robot.wait_until(2.0)

@@ -437,6 +437,15 @@ def test_odometry_of_another_body_is_refused(parent):
         'the transform from its frame to this one')
 
 
+@pytest.mark.parametrize('frame', ['odom', 'map'])
+def test_odometry_does_not_move_an_outline_in_a_frame_above_it(frame):
+    """The robot moves in odom, and that in the map; neither moves with the robot."""
+    world = OutlineWorld(replace(ROBOT, topic='/odom', odometry='/odom', frame_id=frame))
+    world.receive_transforms(TF_STATIC, ('map', 'odom', 0, 0.0, 0.0))
+    world.receive_odometry(0.1, 1.0)
+    assert world.reasons == ['odometry of another body']
+
+
 def test_velocity_in_a_static_frame_is_0():
     world = OutlineWorld()
     world.scene.tracks_motion = True
@@ -528,10 +537,26 @@ def test_pose_that_was_far_ahead_before_the_clock_began_does_not_block_later_one
 
 
 def test_transform_stamped_ahead_ages_from_its_arrival():
+    """Also while other frames move."""
     world = OutlineWorld()
     place(world, 0.2, 5.0, ahead=0.9)
-    world.wait_until(0.7)
+    world.move(0.7, 1.0, child='arm')
     assert world.state().age == 0.5
+    world.move(1.3, 1.0, child='arm')
+    assert world.status() == 'unknown' and world.state().age == pytest.approx(1.1)
+
+
+def test_transform_without_a_stamp_of_before_the_clock_ran_is_dropped():
+    """It would never grow old while other frames move; one that comes later counts."""
+    world = OutlineWorld()
+    world.monitor = Monitor(world.settings, transforms=True)
+    world.scene = world.monitor.scene
+    world.monitor.receive_transforms(TF, transforms(('odom', 'base', 0, 1.0, 0.0)), 0)
+    for tenths in range(1, 4):
+        world.move(tenths / 10, 1.0, child='arm')
+        assert not world.scene.footprints
+    place(world, 0.4, 2.0, ahead=None)
+    assert world.bounds()[0] == 1.5
 
 
 @EVERY_INPUT

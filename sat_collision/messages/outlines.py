@@ -77,7 +77,8 @@ class Outlines:
         self._odometry.clear()
         for one in self._outlines.values():
             one.next = min(one.next, now)
-            one.stamp = one.stamp and min(one.stamp, now)
+            if one.is_static and one.stamp is not None:
+                one.stamp = min(one.stamp, now)
 
     def receive(self, name: str, data: bytes, now: int) -> list[Rejection]:
         """Take a message of odometry for a footprint."""
@@ -88,9 +89,9 @@ class Outlines:
             return [self._ingest.reject(settings, UNDECODABLE, str(error))]
         if problem := self._transforms.receive_odometry(pose, now):
             return [self._ingest.reject(settings, *problem)]
-        _, child, stamp, _ = pose
-        child = child.removeprefix('/')
-        if not self._transforms.frames.is_carried(settings.frame_id, child):
+        parent, child, stamp, _ = pose
+        parent, child = parent.removeprefix('/'), child.removeprefix('/')
+        if not self._transforms.frames.is_carried(settings.frame_id, child, parent):
             return [self._ingest.reject(settings, OTHER_BODY, (
                 f'it is of {in_quotes(child)}, with which {in_quotes(settings.frame_id)} does not '
                 'move'))]
@@ -149,8 +150,8 @@ class Outlines:
         if not one.is_moved(found, now):
             return None
         one.next = max(one.next, now) + one.period
-        one.stamp, one.affine, one.fault = min(found.at or now, now), found.affine, ''
-        one.is_static = found.at is None
+        one.stamp = now if found.at is None else found.at
+        one.affine, one.fault, one.is_static = found.affine, '', found.at is None
         if not settings.odometry:
             self._received[settings.name] += 1
         return self._ingest.place_outline(settings, one.points, found, now,

@@ -17,7 +17,7 @@ checked without ROS.
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Collection, Container
+from collections.abc import Callable, Collection, Container
 from itertools import chain, islice, takewhile
 import math
 import re
@@ -125,9 +125,17 @@ class Frames:
         self.configure(max_gap, max_tilt)
 
     def clear(self, after: float = -NEVER) -> None:
-        """Forget moving frames, or those with transforms after a time; static ones come once."""
+        """
+        Forget moving frames, or those without a stamp or with one after a time.
+
+        Static ones come once.
+        """
+        self._keep(lambda stamp: 0 < stamp <= after)
+
+    def _keep(self, is_kept: Callable[[int], bool]) -> None:
+        """Forget the moving frames whose newest stamp is not to be kept."""
         self._moving = {frame: track for frame, track in self._moving.items()
-                        if track.stamps[-1] <= after}
+                        if is_kept(track.stamps[-1])}
         links = chain(self._static.values(), *(one.links for one in self._moving.values()))
         self._parents = {parent for parent, _ in links}
         self._maps.clear()
@@ -161,6 +169,7 @@ class Frames:
                 len(self._parents) >= _MAX_FRAMES and parent not in self._parents):
             return TOO_MANY_FRAMES
         link = parent, taken
+        is_turned_round = self._drop_reverse(parent, child, NEVER if static else stamp)
         if static:
             pose = parent, fixed(taken)
             is_past_changed = self._static.get(child) != pose
@@ -176,9 +185,20 @@ class Frames:
             if is_past_changed and not track.insert(stamp, link, self._history):
                 return OLD_TRANSFORM
         self._parents.add(parent)
-        if is_past_changed:
+        if is_past_changed or is_turned_round:
             self._maps.clear()
         return None
+
+    def _drop_reverse(self, parent: str, child: str, stamp: float) -> bool:
+        """Drop what was known of a parent in its child until a time, as it was wrong."""
+        track = self._moving.get(parent)
+        if track is not None and track.links[-1][0] == child and track.stamps[-1] <= stamp:
+            del self._moving[parent]
+        elif parent in self._static and self._static[parent][0] == child:
+            del self._static[parent]
+        else:
+            return False
+        return True
 
     def lookup(self, target: str, source: str, stamp: int) -> Located | NoTransform:
         """Return where the source frame was in the target frame at a time."""
@@ -246,10 +266,14 @@ class Frames:
             self._maps[key] = mapped
         return mapped
 
-    def is_carried(self, frame: str, other: str) -> bool:
-        """Return whether one of two frames moves with the other, by their newest transforms."""
+    def is_carried(self, frame: str, other: str, parent: str) -> bool:
+        """
+        Return whether one of two frames moves with the other, by their newest transforms.
+
+        The other moves in the given parent, so what that moves in does not move with it.
+        """
         return (self._climb(frame, None, (other,))[1] == other
-                or self._climb(other, None, (frame,))[1] == frame)
+                or frame != parent and self._climb(other, None, (frame, parent))[1] == frame)
 
     def stamps(self, target: str, source: str, after: int, until: int) -> list[int]:
         """Return the sorted stamps, between two times, of the transforms above either frame."""

@@ -138,12 +138,13 @@ def test_invalid_frame_names(tree, name):
 
 def test_loop_is_named(tree):
     tree.static('b', 'a')
-    tree.static('a', 'b')
+    tree.static('d', 'b')
+    tree.static('a', 'd')
     tree.static('b', 'c')
-    words = 'no transform from c to odom: the parents of c lead in a circle: c, b, a'
+    words = 'no transform from c to odom: the parents of c lead in a circle: c, b, d, a'
     assert tree.where('c', 0.5) == (frames.LOOP, words, True)
     assert tree.newest('c', -9) == (frames.LOOP, words, True)
-    back = 'no transform from odom to c: the parents of c lead in a circle: c, b, a'
+    back = 'no transform from odom to c: the parents of c lead in a circle: c, b, d, a'
     assert tree.where('odom', 0.5, target='c') == (frames.LOOP, back, True)
     assert tree.newest('odom', -9, target='c') == (frames.LOOP, back, True)
     assert tree.where('c', 0.5, target='a') == 0.0
@@ -154,9 +155,23 @@ def test_loop_is_named(tree):
 def test_lookup_within_a_loop_fails(tree):
     """The two chains meet, but there is no root."""
     tree.static('b', 'a')
-    tree.static('a', 'b')
+    tree.static('d', 'b')
+    tree.static('a', 'd')
     tree.static('b', 'c')
     assert tree.where('a', 0.5, target='c').reason == frames.LOOP
+
+
+@pytest.mark.parametrize('was_static', [False, True])
+@pytest.mark.parametrize('is_static', [False, True])
+def test_transform_that_was_sent_the_wrong_way_round_can_be_corrected(was_static, is_static):
+    """The map was placed in odom, which is meant to be placed in the map."""
+    tree = Tree()
+    for time, parent, child, static in ((0.0, 'odom', 'map', was_static),
+                                        (0.1, 'map', 'odom', is_static)):
+        tree.static(parent, child, 1.0) if static else tree.moving(parent, child, (time, 1.0))
+    tree.moving('map', 'wall', (0.1, 0.0))
+    assert tree.where('map', 0.1) == tree.where('wall', 0.1) == -1.0
+    assert tree.newest('map', 0.0)[0] == -1.0
 
 
 def test_newest_is_the_newest_common_time(tree):

@@ -526,11 +526,26 @@ def test_memory_of_unknown_frames_is_bounded(robot):
     robot.rejections.clear()
     for k in range(110):
         robot.receive_transforms(TF, *(
-            (f'parent{k}_{i}', 'frame1_1', robot.now, 0.0, 0.0) for i in range(100)))
+            (f'parent{k}_{i}', 'frame1_1', robot.now + 100 * k + i, 0.0, 0.0)
+            for i in range(100)))
     assert set(robot.reasons) == {'too many frames'}
     robot.wait_until(1.1)
     robot.move(1.1)
     assert robot.see(box(9), 1.1) is None and 'lidar' not in robot.monitor.waiting
+
+
+def test_frames_of_long_ago_make_room_for_new_ones(robot):
+    """A tracker has sent one for each object that it ever saw, and each in one of its own."""
+    for k in range(0, 10_000, 100):
+        robot.receive_transforms(TF, *(
+            (f'sight_{k + i}', f'object_{k + i}', robot.now, 0.0, 0.0) for i in range(100)))
+    robot.rejections.clear()
+    robot.wait_until(32.0)
+    robot.move(32.0)
+    robot.receive_transforms(TF_STATIC, ('base', 'hand', 0, 1.0, 0.0))
+    robot.move(32.0, 5.0, 'arm')
+    assert robot.see(box(9), 32.0, 'hand') is None and robot.see(box(9), 32.0, 'arm') is None
+    assert 'lidar' not in robot.monitor.waiting and not robot.rejections
 
 
 def test_two_publishers_of_a_frame_are_noticed(robot):

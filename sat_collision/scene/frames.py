@@ -17,7 +17,7 @@ checked without ROS.
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Collection, Container
+from collections.abc import Collection, Container
 from itertools import chain, islice, takewhile
 import math
 import re
@@ -49,6 +49,9 @@ _LASTING = BAD_FRAME_ID, LOOP, NOT_CONNECTED, UNKNOWN_FRAME
 LONGEST_FRAME_ID = 255
 # Bounds the memory that made-up frame names can take.
 _MAX_FRAMES = 10_000
+# When there are so many, those long silent are looked for, which takes long, no more often than
+# this, in ns.
+_LOOKED_EVERY = 10**9
 # Max answered look-ups that are kept; in messages for users, max frames and characters of a name.
 _MAX_MAPS = 256
 # Max transforms of a frame; more within the history, and the older half is forgotten.
@@ -119,6 +122,8 @@ class Frames:
         self._static: dict[str, tuple[str, FixedTransform]] = {}
         self._moving: dict[str, _Track] = {}
         self._parents: set[str] = set()
+        self._last = 0  # the stamp of the last moving transform, good or not
+        self._looked: float = -NEVER  # that when frames to be forgotten were last looked for
         # Answered look-ups by target, source and stamp. They hold until a transform changes the
         # past: one newer than all others of its frame does not.
         self._maps: dict[tuple[str, str, int], Mapped] = {}
@@ -130,12 +135,12 @@ class Frames:
 
         Static ones come once.
         """
-        self._keep(lambda stamp: 0 < stamp <= after)
+        self._keep(1, after)
 
-    def _keep(self, is_kept: Callable[[int], bool]) -> None:
-        """Forget the moving frames whose newest stamp is not to be kept."""
+    def _keep(self, earliest: float, latest: float) -> None:
+        """Forget all moving frames but those whose newest stamp is between two times."""
         self._moving = {frame: track for frame, track in self._moving.items()
-                        if is_kept(track.stamps[-1])}
+                        if earliest <= track.stamps[-1] <= latest}
         links = chain(self._static.values(), *(one.links for one in self._moving.values()))
         self._parents = {parent for parent, _ in links}
         self._maps.clear()
@@ -154,6 +159,8 @@ class Frames:
         """
         taken = accepted(transform)
         track = self._moving.get(child)
+        if not static:
+            self._last = stamp
         # The usual case: a newer transform of a known frame.
         if track is not None and not static and taken and track.links[-1][0] == parent \
                 and track.extend(stamp, (parent, taken), self._history):
@@ -164,10 +171,13 @@ class Frames:
             return BAD_NAMES
         if taken is None:
             return BAD_TRANSFORM
-        if len(self._static) + len(self._moving) >= _MAX_FRAMES and not (
-                child in self._static or child in self._moving) or (
-                len(self._parents) >= _MAX_FRAMES and parent not in self._parents):
-            return TOO_MANY_FRAMES
+        if self._is_full(parent, child):
+            if abs(self._last - self._looked) >= _LOOKED_EVERY:
+                self._looked = self._last
+                newest = max((one.stamps[-1] for one in self._moving.values()), default=0)
+                self._keep(newest - self._history, NEVER)
+            if self._is_full(parent, child):
+                return TOO_MANY_FRAMES
         link = parent, taken
         is_turned_round = self._drop_reverse(parent, child, NEVER if static else stamp)
         if static:
@@ -188,6 +198,12 @@ class Frames:
         if is_past_changed or is_turned_round:
             self._maps.clear()
         return None
+
+    def _is_full(self, parent: str, child: str) -> bool:
+        """Return whether a transform would bring one frame too many."""
+        return len(self._static) + len(self._moving) >= _MAX_FRAMES and not (
+            child in self._static or child in self._moving) or (
+            len(self._parents) >= _MAX_FRAMES and parent not in self._parents)
 
     def _drop_reverse(self, parent: str, child: str, stamp: float) -> bool:
         """Drop what was known of a parent in its child until a time, as it was wrong."""

@@ -226,6 +226,7 @@ class Monitor:
             if self.scene.is_set_back(now):
                 self._forget_times(now)
             else:
+                self.transforms.frames.limit_times(self._now, now)
                 self.outlines.limit_times(now)
         elif not self._now:
             ahead = self.scene.settings.future_tolerance * 1e9

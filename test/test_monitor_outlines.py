@@ -483,10 +483,10 @@ def place(world, time, x, ahead=0.0):
     world.wait_until(time)
     stamp = 0 if ahead is None else nanoseconds(time + ahead)
     footprint, = world.settings.footprints
-    if footprint is ROBOT:
-        world.receive_transforms(TF, ('odom', 'base', stamp, x, 0.0))
-    elif footprint is BY_ODOMETRY:
+    if footprint.odometry:
         world.receive('robot', odometry('odom', 'base', stamp, x, 0.0))
+    elif footprint.has_outline:
+        world.receive_transforms(TF, ('odom', 'base', stamp, x, 0.0))
     else:
         world.send('robot', box(x - 0.5, -0.5), 'none' if ahead is None else time + ahead)
 
@@ -502,6 +502,27 @@ def test_pose_stamped_ahead_does_not_block_later_ones(footprint, is_first):
     for tenths in range(3, 15):
         place(world, tenths / 10, float(tenths))
         assert world.bounds()[0] == tenths - 0.5
+
+
+@EVERY_INPUT
+def test_poses_of_a_clock_that_is_ahead_count_at_once(footprint):
+    world = OutlineWorld(replace(footprint, timeout=0.2))
+    for tenths in range(1, 15):
+        place(world, tenths / 10, float(tenths), ahead=0.9)
+        assert (world.bounds()[0], world.state().age) == (tenths - 0.5, 0.0)
+
+
+@pytest.mark.parametrize('footprint', [ROBOT, BY_ODOMETRY], ids=['by /tf', 'by odometry'])
+@pytest.mark.parametrize('ahead', [0.0, 0.4, 0.9])
+def test_obstacle_by_the_clock_of_the_transforms_has_its_place(footprint, ahead):
+    """That clock is ahead of the monitor's."""
+    world = World(Settings(frame_id='odom', footprints=(footprint,),
+                           obstacles=(replace(SOURCE, timeout=2.0, set_end='none'),)))
+    for tenths in range(1, 15):
+        place(world, tenths / 10, float(tenths), ahead)
+        world.send('lidar', box(3.0), world.time + ahead - 0.05 * (tenths > 1), 'base', 1)
+        (_, polygon), = world.scene.obstacles
+        assert polygon.bounds[0] == pytest.approx(tenths + 3 - 0.5 * (tenths > 1))
 
 
 @EVERY_INPUT
@@ -569,12 +590,27 @@ def test_small_step_back_of_the_clock_keeps_poses(footprint, step):
         world.wait_until(1.0 - step)
         assert (world.status(), world.state().age) == ('clear', 0.0)
         assert world.bounds()[0] == 0.5
-        if footprint is ROBOT and not is_alike:
-            continue  # a transform ahead of the clock counts when that has come so far
         for k in range(2, 6):
             place(world, 1.0 - step + k * 0.02, float(k), 0.0 if is_alike else step)
             assert world.bounds()[0] == k - 0.5
     assert not world.rejections
+
+
+@pytest.mark.parametrize('footprint', [ROBOT, BY_ODOMETRY], ids=['by /tf', 'by odometry'])
+def test_poses_of_before_a_small_step_back_give_way(footprint):
+    """Messages take 15 ms, so some of these poses are newer by their stamps than new ones."""
+    world = OutlineWorld(footprint)
+    for k in range(100):
+        step = 0.505 if k >= 50 else 0.0
+        place(world, 1.0 + k * 0.02 - step, float(k), ahead=-0.015)
+        assert world.bounds()[0] == k - 0.5
+        if k == 50:
+            world.move(world.time, 1.0, child='arm')
+            assert world.bounds()[0] == k - 0.5
+        if k > 50:
+            found = world.monitor.transforms.lookup_affine(
+                'base', nanoseconds(world.time - 0.025), world.now)
+            assert found.affine[2] == pytest.approx(k - 0.5)
 
 
 @pytest.mark.parametrize('first', [0.0, -START / SECOND], ids=['set back', 'begins'])

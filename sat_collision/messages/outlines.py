@@ -95,9 +95,11 @@ class Outlines:
             return [self._ingest.reject(settings, OTHER_BODY, (
                 f'it is of {in_quotes(child)}, with which {in_quotes(settings.frame_id)} does not '
                 'move'))]
-        # The first of several footprints that receive a message moves all of them.
-        time = min(stamp or now, now)
-        if settings.topic not in self._odometry or time >= self._odometry[settings.topic][0]:
+        # The first of several footprints that receive a message moves all of them. One that is
+        # ahead of the clock must not shut out those that follow.
+        time = stamp or now
+        if settings.topic not in self._odometry or (
+                not time < self._odometry[settings.topic][0] <= now):
             self._odometry[settings.topic] = time, child, twist
         return []
 

@@ -93,9 +93,7 @@ class TransformListener:
         parent, child, stamp, transform = pose
         if now and stamp > now + self._tolerance:
             return FROM_FUTURE, _ahead(child, stamp, now)
-        # One that is ahead of the clock must not shut out those that follow.
-        stamp = min(stamp or now, now) if now else stamp
-        refusal = self.frames.insert(parent, child, stamp, transform)
+        refusal = self.frames.insert(parent, child, stamp or now, transform)
         if refusal:
             return refusal, _detail(parent, child, transform)
         self.transforms += 1

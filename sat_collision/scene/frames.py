@@ -145,6 +145,12 @@ class Frames:
         self._parents = {parent for parent, _ in links}
         self._maps.clear()
 
+    def limit_times(self, last: int, now: int) -> None:
+        """Let no transform be ahead of a clock that went back a little: the next ones count."""
+        for track in self._moving.values():
+            track.limit(last, now)
+        self._maps.clear()
+
     def configure(self, max_gap: float, max_tilt: float) -> None:
         self._max_gap, self._max_tilt = max_gap, max_tilt
         self._maps.clear()
@@ -235,21 +241,22 @@ class Frames:
         """
         Return where the source frame is in the target frame, at the latest time known for both.
 
-        A time before `oldest` is not accepted. One after `now` is used only if there is no other:
-        a transform ahead of the clock must not shut out those after it.
+        A time before `oldest` is not accepted. One after `now` counts only while the last
+        transforms received are after `now`: those of a clock that is ahead count at once, but one
+        ahead of the clock must not shut out those after it.
         """
         below, top = self._climb(source, None, (target,))
         above, common = self._climb(target, None, below)
         if not top or common not in below:
             return self._explain(target, source, None)
         path = chain(takewhile(common.__ne__, below), takewhile(common.__ne__, above))
-        stamps = [self._moving[frame].stamps for frame in path if frame in self._moving]
-        if not stamps:
+        tracks = [self._moving[frame] for frame in path if frame in self._moving]
+        if not tracks:
             found = self.lookup(target, source, 0)
             return found._replace(at=None) if isinstance(found, Located) else found
-        time = min(one[-1] for one in stamps)
+        time = min(track.stamps[-1] for track in tracks)
         if time > now:
-            time = min(one[max(bisect_right(one, now) - 1, 0)] for one in stamps)
+            time = min(track.newest(now) for track in tracks)
         if time < oldest:
             return NoTransform(
                 OLD_LATEST, f'no transform from {in_words(source)} to {in_words(target)}: the '
@@ -392,12 +399,13 @@ class _Track:
     stamp leads to the first one. Times are ints in ns.
     """
 
-    __slots__ = ('stamps', 'links')
+    __slots__ = ('stamps', 'links', 'last')
 
     def __init__(self, stamp: int, link: _Link) -> None:
         # Ascending, none more than twice, and a link for each.
         self.stamps = [stamp]
         self.links = [link]
+        self.last = stamp  # that of the last one received
 
     def extend(self, stamp: int, link: _Link, history: int) -> bool:
         """
@@ -411,6 +419,7 @@ class _Track:
         self._prune(history)
         stamps.append(stamp)
         self.links.append(link)
+        self.last = stamp
         return True
 
     def insert(self, stamp: int, link: _Link, history: int) -> bool:
@@ -419,6 +428,7 @@ class _Track:
         self._prune(history)
         if stamp < stamps[-1] - history:
             return False
+        self.last = stamp
         place = bisect_right(stamps, stamp)
         first = bisect_left(stamps, stamp)
         if place - first == 2:
@@ -427,6 +437,17 @@ class _Track:
             stamps.insert(place, stamp)
             links.insert(place, link)
         return True
+
+    def newest(self, now: float) -> int:
+        """Return the newest stamp until `now`, or that of the last one received if later."""
+        return self.last if self.last > now else self.stamps[bisect_right(self.stamps, now) - 1]
+
+    def limit(self, last: int, now: int) -> None:
+        """Let the newest transform be as old as before, and forget others from then on."""
+        if self.stamps[-1] > now:
+            self.last = now - max(last - self.stamps[-1], 0)
+            place = bisect_left(self.stamps, self.last)
+            self.stamps[place:], self.links[place:] = [self.last], self.links[-1:]
 
     def _prune(self, history: int) -> None:
         """Forget what is older than the newest by more than the history, and what is too much."""

@@ -184,9 +184,9 @@ def test_newest_is_the_newest_common_time(tree):
 
 
 @pytest.mark.parametrize('now, at', [(23, 12), (24, 20), (29, 20), (30, 30), (99, 30)])
-def test_newest_is_not_in_the_future_if_an_older_one_exists(now, at):
+def test_newest_is_not_in_the_future_if_an_older_one_was_received_last(now, at):
     frames = Frames(10 * SECOND)
-    for parent, child, *stamps in (('odom', 'base', 12, 24, 36), ('odom', 'map', 10, 20, 30),
+    for parent, child, *stamps in (('odom', 'base', 24, 36, 12), ('odom', 'map', 20, 30, 10),
                                    ('earth', 'odom', 1, 2)):
         for stamp in stamps:
             frames.insert(parent, child, stamp, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))

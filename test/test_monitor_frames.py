@@ -416,13 +416,36 @@ def test_change_of_publishers_is_not_dropped_when_time_steps_back():
     assert 'publishers' not in robot.scene.source_faults[0]
 
 
+def switch(robot, kind, enabled):
+    """Enable or disable the footprint or the source of a robot."""
+    one, = getattr(robot.settings, kind)
+    robot.settings = replace(robot.settings, **{kind: (replace(one, enabled=enabled),)})
+    robot.rejections += robot.monitor.update(robot.settings)
+
+
 def test_disabled_source_drops_waiting_messages(robot):
     robot.wait_until(1.05)
     robot.see(box(9), 1.05)
-    off = replace(SETTINGS.obstacles[0], enabled=False)
-    robot.monitor.update(replace(SETTINGS, obstacles=(off,)))
+    switch(robot, 'obstacles', False)
     robot.move(1.1)
     assert robot.seen == [] and not robot.rejections
+
+
+@pytest.mark.parametrize('name, kind', [('lidar', 'obstacles'), ('robot', 'footprints')])
+def test_what_waited_before_it_was_disabled_never_counts(name, kind):
+    """Newer ones, which were ignored, may be in contact."""
+    robot = Robot(replace(SETS, obstacles=(
+        replace(SETS.obstacles[0], set_end='each_message', timeout=0.0),)))
+    for other in {'lidar', 'robot'} - {name}:
+        robot.send(other, box(0))
+    robot.send(name, box(9), frame_id='base')
+    switch(robot, kind, False)
+    robot.send(name, box(0.5), frame_id='base')
+    switch(robot, kind, True)
+    robot.move(0.0)
+    assert robot.status() == 'unknown'
+    robot.send(name, box(9))
+    assert robot.status() == 'clear'
 
 
 @pytest.mark.parametrize('steps', [[0.0], [0.5, 0.0]], ids=['one', 'two'])

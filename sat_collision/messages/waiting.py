@@ -161,7 +161,7 @@ class WaitingItems:
         return rejections
 
     def renew(self, name: str) -> None:
-        """Drop the messages of a name: they come again."""
+        """Drop the messages of a name: they come again, or are not wanted."""
         for held in self._queues.pop(name, _Queue(0)).items:
             if held.happens:
                 held.happens()

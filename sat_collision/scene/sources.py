@@ -90,7 +90,6 @@ class Source:
             self.stream.interrupt()
             self._begin_anew(now, wants_history=settings.enabled)
             self._drop_former(all_of_them=True)
-            self.wait(NEVER)
         if not settings.moving:
             for obstacle in self.store:
                 obstacle.motion = None

@@ -76,7 +76,9 @@ def wander(mode, rng, begin=(), length=EVENTS_OF_A_RUN):
     world, events = replayed(mode, begin), [*begin]
     for _ in range(length):
         options = world.options()
-        event = rng.choice(options + 3 * [one for one in options if one.startswith(_OFTEN)])
+        often = [one for one in options if one.startswith(_OFTEN)]
+        often += 4 * ['switch'] * (not world.source.settings.enabled)
+        event = rng.choice(options + 3 * often)
         world.do(event)
         events.append(event)
         if problem := danger_of(world):

@@ -14,6 +14,7 @@ from knowing_messages import MODES
 import pytest
 from sat_collision.messages.ingest import Ingest
 from sat_collision.messages.rejections import Rejection
+from sat_collision.messages.waiting import WaitingItems
 from sat_collision.monitor import Monitor
 from sat_collision.scene import knowledge, prediction, velocity, view
 from sat_collision.scene.knowledge import Knowledge, Listings, Refreshed
@@ -147,6 +148,10 @@ def leave_maps_where_they_were(patch):
 
 def know_maps_while_a_part_waits(patch):
     patch.setattr(Source, 'wait', lambda self, first: None)
+
+
+def keep_what_waits_when_disabled(patch):
+    patch.setattr(WaitingItems, 'renew', lambda self, name: None)
 
 
 def allow_two_publishers(patch):
@@ -356,6 +361,8 @@ WITNESSES = (
      ' · get:0 · timeout'),
     (keep_what_another_clock_has_proved, 'marked',
      'list:F · send · all:0 · clock:back'),
+    (keep_what_waits_when_disabled, 'maps as collections',
+     'list:F · all:0 · switch · switch · transform'),
     (leave_out_what_waits, 'maps as collections',
      'list: · list:R · all:0 · tick:3'),
     (wait_for_what_has_a_place, 'marked, waiting',

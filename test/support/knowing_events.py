@@ -136,7 +136,7 @@ class Events:
             options.append('renew')
         if self.mode.frame:
             options.append('transform')
-        options += ['clock:little', 'clock:back', 'clock:ahead']
+        options += ['switch', 'clock:little', 'clock:back', 'clock:ahead']
         return options if self.mode.is_map else [*options, 'timeout']
 
     def do(self, event):
@@ -188,8 +188,11 @@ class Events:
             self._renew()
         elif what == 'transform':
             self._transform()
+        elif what == 'switch':
+            self._switch()
         elif what == 'timeout':
-            self._toggle_timeout()
+            # To one that is too short for this publisher, or back.
+            self._change(timeout=1.5 * TIMEOUT / SECOND - self.source.settings.timeout)
         else:
             self._set_clock(detail)
 
@@ -246,11 +249,17 @@ class Events:
             self.monitor.set_clock(self.now)
         self._advance()
 
-    def _toggle_timeout(self):
-        """Change to a timeout that is too short for this publisher, or back."""
-        source, = self.settings.obstacles
+    def _switch(self):
+        """Disable the source, which drops all that it has received, or enable it."""
+        for one in self._delivered():
+            one.order = 0
+        self._change(enabled=not self.source.settings.enabled)
+        self._note_waiting()
+
+    def _change(self, **parameters):
+        """Change parameters of the source."""
         self.settings = replace(self.settings, obstacles=(
-            replace(source, timeout=1.5 * TIMEOUT / SECOND - source.timeout),))
+            replace(self.source.settings, **parameters),))
         self.monitor.update(self.settings)
 
     def _transform(self):
@@ -426,7 +435,8 @@ class Events:
     def _receive(self, batch, is_mixed=False):
         for one in batch:
             self.deliveries += 1
-            one.order = self.deliveries
+            # What comes while the source is disabled is not received.
+            one.order = self.deliveries * self.source.settings.enabled
             one.publisher.is_joined = True
             one.publisher.is_beside_others |= is_mixed or self.told != [one.publisher]
             one.arrival, one.epoch_in = self.now, self.epoch

@@ -187,6 +187,8 @@ class World(Events):
 
     def heals(self):
         """End all faults; return whether the source is soon known, and finally clear."""
+        if not self.source.settings.enabled:
+            self.do('switch')
         if not self._has_timeout:
             self.do('timeout')
         own = self.live(False)

@@ -213,6 +213,9 @@ class Loop:
     def run(self, ended: Callable[[], bool]) -> None:
         """Run until `ended()` is true, which is checked after each turn."""
         while not ended():
+            for topic in chain(*self._topics):
+                if topic.is_behind:
+                    self._receiver.note_backlog(topic.name, None)
             with ExitStack() as held:
                 topics = [_Topic(one, self._receiver) for one in self._inputs]
                 pointers = [topic.pointer for topic in topics]
@@ -339,7 +342,7 @@ class _Topic:
         self.is_behind = False
         self.pointer = one.subscription.handle.pointer
         self.ends_rest = one.ends_rest
-        self._name = one.name
+        self.name = one.name
         self._receiver = receiver
         self._matched = one.matched
         self._publisher: object = None
@@ -378,9 +381,9 @@ class _Topic:
             if between:
                 between(now)
         if self.is_behind:
-            self._receiver.note_backlog(self._name, self._backlog(total))
+            self._receiver.note_backlog(self.name, self._backlog(total))
         elif was_behind:
-            self._receiver.note_backlog(self._name, None)
+            self._receiver.note_backlog(self.name, None)
         return total
 
     def take_batch(self, limit: int, now: int) -> int:
@@ -396,9 +399,9 @@ class _Topic:
                 first = number = info[_NUMBER]
                 before, self._publisher = self._publisher, info.get(_PUBLISHER)
                 if number == 1:
-                    self._receiver.begin_stream(self._name)
+                    self._receiver.begin_stream(self.name)
                 elif self._publisher != before:
-                    self._receiver.change_publisher(self._name)
+                    self._receiver.change_publisher(self.name)
             elif info[_NUMBER] != number or info.get(_PUBLISHER) != self._publisher:
                 self._next = taken
                 break
@@ -412,15 +415,15 @@ class _Topic:
             taken = self._take()
         self._is_empty = taken is None
         if batch and self._has_new_publisher():
-            self._receiver.receive_mixed(self._name, batch, now)
+            self._receiver.receive_mixed(self.name, batch, now)
         elif batch:
-            self._receiver.receive(self._name, batch, now, first)
+            self._receiver.receive(self.name, batch, now, first)
         return len(batch)
 
     def _has_new_publisher(self) -> bool:
         """Return whether a publisher was matched since this was last called."""
         event = self._matched()
-        return event is not None and self._receiver.note_matched(self._name, event)
+        return event is not None and self._receiver.note_matched(self.name, event)
 
     def _backlog(self, count: int) -> Backlog:
         """Return how far behind the last message is, and how many wait, judging by their rate."""

@@ -125,6 +125,19 @@ def test_other_topics_get_their_turn_during_a_flood(looped):
     assert all(backlog.seconds > 0.0 for backlog in backlogs[:-1])
 
 
+def test_topic_that_was_behind_before_another_subscription_came_is_no_longer(
+        looped, monkeypatch):
+    """The loop begins with new topics; then the rest of the flood is taken in one turn."""
+    peer, looped = looped
+    receiver = Recorder(0.001)
+    arrive(peer, flood=100)
+    with looped(receiver) as one:
+        one.run(lambda: receiver.backlogs)
+        monkeypatch.setattr(loop, '_LONGEST_TURN', 20.0)
+        one.run(lambda: receiver.names.count('flood') == 100)
+    assert receiver.backlogs[-1] == ('flood', None)
+
+
 def test_many_footprints_leave_obstacles_their_time(looped, monkeypatch):
     """A source has half of each turn, however many footprints share the other half."""
     peer, looped = looped

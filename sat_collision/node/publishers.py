@@ -81,6 +81,10 @@ class Publishers:
         self._unseen[name] = 0
         self._met[name] = set()
 
+    def lists_dead(self, name: str) -> bool:
+        """Return whether publishers of an input are listed that have lost their liveliness."""
+        return not self._dead[name].isdisjoint(self._order.get(name, ()))
+
     def news(self, behind: Iterable[str]) -> Iterator[tuple[str, list[Endpoint]]]:
         """
         Yield the inputs whose publishers have changed since the last call, with the publishers.

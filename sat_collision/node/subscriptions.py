@@ -126,10 +126,12 @@ class Subscriptions:
         """
         Subscribe again, to receive all that the publisher keeps for late subscribers.
 
-        Returns False, without doing so, if the subscription is not transient local.
+        Returns False, without doing so, if the subscription is not transient local, or while a
+        publisher that has lost its liveliness is listed: what it keeps would come, too.
         """
         one, = (one for one in self.inputs if one.name == name)
-        if one.subscription.qos_profile.durability is not QoSDurabilityPolicy.TRANSIENT_LOCAL:
+        if (one.subscription.qos_profile.durability is not QoSDurabilityPolicy.TRANSIENT_LOCAL
+                or self.publishers.lists_dead(name)):
             return False
         self._node.destroy_subscription(one.subscription)
         one.subscription = self._create[name]()

@@ -17,7 +17,7 @@ from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
 from harness import APART, box, health, LASTING, polygon_message, ROBOT, SECOND, TOUCHING
 import pytest
 from rclpy.duration import Duration
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 from sat_collision.node.loop import Input
 from sat_collision.node.publishers import Publishers
 
@@ -315,6 +315,32 @@ def test_latched_map_survives_another_publisher(mapped, join):
     once.node.destroy_publisher(once._publishers.pop('/map'))
     monitor.await_state('clear')
     assert len(monitor.monitor._scene.obstacles) == 2
+
+
+def test_kept_map_of_a_publisher_that_hangs_does_not_count_for_another(start, join):
+    """While it is listed, it would send its map again to a new subscription."""
+    monitor = start(**MAP, **{
+        name.replace('obstacles', 'map'): value for name, value in LIVELINESS.items()})
+    peers = join('hangs'), join('lives')
+    lease = {'durability': LATCHED.durability, 'liveliness_lease_duration': Duration(seconds=0.5)}
+    peers[0].publisher('/map', qos=QoSProfile(
+        depth=10, liveliness=LivelinessPolicy.MANUAL_BY_TOPIC, **lease))
+    publish_map(peers[0], APART)
+    monitor.send('footprint', ROBOT)
+    monitor.await_state('clear')
+    peers[1].publisher('/map', qos=QoSProfile(
+        depth=10, liveliness=LivelinessPolicy.AUTOMATIC, **lease))
+    publish_map(peers[1], APART)
+
+    def counted():
+        return [one.node for one in monitor.monitor._inputs.publishers.reported['map']]
+    monitor.until(lambda: counted() == ['/hangs', '/lives'])
+    begun = len(monitor.states())
+    monitor.until(lambda: counted() == ['/lives'])
+    monitor.spin(1.0)
+    assert counted() == ['/lives'] and 'clear' not in monitor.states()[begun + 3:]
+    peers[0].node.destroy_publisher(peers[0]._publishers.pop('/map'))
+    monitor.await_state('clear')
 
 
 def test_short_lived_publisher_that_the_graph_may_miss(start, join):

@@ -22,7 +22,7 @@ import rclpy
 from rclpy.clock import JumpThreshold, TimeJump
 from rclpy.context import Context
 from rclpy.duration import Duration
-from rclpy.event_handler import QoSSubscriptionMatchedInfo
+from rclpy.event_handler import QoSLivelinessChangedInfo, QoSSubscriptionMatchedInfo
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.logging import (
     get_logger, get_logger_effective_level, get_logger_level, LoggingSeverity, set_logger_level)
@@ -115,7 +115,8 @@ class FootprintMonitor(Node):
                                      'problem of kernels': kernel_problem() or 'none'})
         self._logged: dict[tuple[str, str], float] = {}
         taken_by = LoopOwnedGroup()
-        self._inputs = Subscriptions(self, settings, taken_by, self._health, self.note_matched)
+        self._inputs = Subscriptions(self, settings, taken_by, self._health, self.note_matched,
+                                     self.note_liveliness)
         self._transform_inputs = (subscribe_transforms(self, transforms, taken_by)
                                   if transforms else [])
         self._reports_unknown_at = time.monotonic() + _STARTED
@@ -224,8 +225,19 @@ class FootprintMonitor(Node):
         if not (event.total_count_change or event.current_count_change):
             return False
         self._inputs.publishers.note_matched(name, event)
-        if not event.total_count_change:
+        return bool(event.total_count_change) and self._begin_anew(name)
+
+    def note_liveliness(self, name: str, event: QoSLivelinessChangedInfo) -> bool:
+        """Record lost liveliness; begin anew where a publisher lives again; return whether so."""
+        change = event.not_alive_count_change
+        if not (change or event.alive_count_change):
             return False
+        self._inputs.publishers.note_liveliness(name, event.not_alive_count, change)
+        topic = self._scene.settings_of(name).topic
+        self._health.count_event(topic, 'liveliness lost', max(change, 0))
+        return change < 0 and self._begin_anew(name)
+
+    def _begin_anew(self, name: str) -> bool:
         self.begin_stream(name)
         self._monitor.interrupt(name)
         return True

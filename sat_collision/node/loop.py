@@ -26,7 +26,7 @@ import time
 from typing import Any, NamedTuple, Protocol
 
 from rclpy.callback_groups import CallbackGroup
-from rclpy.event_handler import QoSSubscriptionMatchedInfo
+from rclpy.event_handler import QoSLivelinessChangedInfo, QoSSubscriptionMatchedInfo
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
@@ -90,6 +90,9 @@ class Receiver(Protocol):
         Called before and after the messages of each batch are taken.
         """
 
+    def note_liveliness(self, name: str, event: QoSLivelinessChangedInfo) -> bool:
+        """Record how many publishers live, likewise; return whether one lives again."""
+
     def receive_mixed(self, name: str, messages: Sequence[bytes], now: int) -> None:
         """Receive messages of any publisher: one was matched while they were taken."""
 
@@ -138,8 +141,15 @@ class Input:
 
     def matched(self) -> QoSSubscriptionMatchedInfo | None:
         """Return how the matched publishers have changed since this was last read, if known."""
+        return self._status(QoSSubscriptionEventType.RCL_SUBSCRIPTION_MATCHED)
+
+    def liveliness(self) -> QoSLivelinessChangedInfo | None:
+        """Return how the liveliness of publishers has changed since this was last read."""
+        return self._status(QoSSubscriptionEventType.RCL_SUBSCRIPTION_LIVELINESS_CHANGED)
+
+    def _status(self, kind: Any) -> Any:
         for handler in self.subscription.event_handlers:
-            if handler.event_type == QoSSubscriptionEventType.RCL_SUBSCRIPTION_MATCHED:
+            if handler.event_type == kind:
                 # Its status can be read at any time, not only when a wait set reports it.
                 handler._ready_to_take_data = True
                 return handler.take_data()
@@ -345,6 +355,9 @@ class _Topic:
         self.name = one.name
         self._receiver = receiver
         self._matched = one.matched
+        # Without a lease none can be lost.
+        has_lease = one.subscription.qos_profile.liveliness_lease_duration.nanoseconds > 0
+        self._liveliness = one.liveliness if has_lease else None
         self._publisher: object = None
         self._depth = one.subscription.qos_profile.depth
         self._take: Callable[[], tuple[bytes, dict[str, Any]] | None] = partial(
@@ -421,9 +434,12 @@ class _Topic:
         return len(batch)
 
     def _has_new_publisher(self) -> bool:
-        """Return whether a publisher was matched since this was last called."""
+        """Return whether a publisher was matched, or lives again, since this was last called."""
         event = self._matched()
-        return event is not None and self._receiver.note_matched(self.name, event)
+        is_new = event is not None and self._receiver.note_matched(self.name, event)
+        if self._liveliness and (change := self._liveliness()):
+            is_new |= self._receiver.note_liveliness(self.name, change)
+        return is_new
 
     def _backlog(self, count: int) -> Backlog:
         """Return how far behind the last message is, and how many wait, judging by their rate."""

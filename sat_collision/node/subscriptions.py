@@ -60,8 +60,9 @@ _PATH_TYPE = 'nav_msgs/msg/Path'
 _PATH_QOS = QoSProfile(depth=1, reliability=QoSReliabilityPolicy.BEST_AVAILABLE,
                        durability=QoSDurabilityPolicy.BEST_AVAILABLE)
 
-# Takes the name of an input and how its matched publishers have changed.
+# These take the name of an input and how its publishers have changed.
 NoteMatched: TypeAlias = Callable[[str, QoSSubscriptionMatchedInfo], object]
+NoteLiveliness: TypeAlias = Callable[[str, QoSLivelinessChangedInfo], object]
 
 
 class _SupportedEvents(SubscriptionEventCallbacks):  # type: ignore[misc]
@@ -96,11 +97,13 @@ class Subscriptions:
     """
 
     def __init__(self, node: Node, settings: Settings, group: CallbackGroup,
-                 health: Health, note_matched: NoteMatched) -> None:
+                 health: Health, note_matched: NoteMatched,
+                 note_liveliness: NoteLiveliness) -> None:
         self._node = node
         self._group = group
         self._health = health
         self._note_matched = note_matched
+        self._note_liveliness = note_liveliness
         self._unsupported: set[str] = set()
         self.inputs: list[Input] = []
         self._create: dict[str, Callable[[], Subscription]] = {}
@@ -144,7 +147,7 @@ class Subscriptions:
             self._unsupported,
             incompatible_qos=partial(self._report_incompatible_qos, source.topic),
             deadline=partial(self._count_missed_deadlines, source.topic),
-            liveliness=partial(self._note_liveliness, source),
+            liveliness=partial(self._note_liveliness, source.name),
             matched=partial(self._note_matched, source.name))
         # The settings have the remapped name, which must not be remapped again.
         topic = self._node.get_parameter(f'{source.name}.{parameter}').value
@@ -171,13 +174,6 @@ class Subscriptions:
 
     def _count_missed_deadlines(self, topic: str, event: QoSRequestedDeadlineMissedInfo) -> None:
         self._health.count_event(topic, 'deadlines missed', event.total_count_change)
-
-    def _note_liveliness(self, source: FootprintSettings | ObstacleSettings,
-                         event: QoSLivelinessChangedInfo) -> None:
-        self.publishers.note_liveliness(
-            source.name, event.not_alive_count, event.not_alive_count_change)
-        self._health.count_event(source.topic, 'liveliness lost',
-                                 max(event.not_alive_count_change, 0))
 
 
 def _kind(settings: FootprintSettings | ObstacleSettings) -> type:

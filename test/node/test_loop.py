@@ -21,7 +21,7 @@ from harness import (
 import pytest
 import rclpy
 from rclpy.duration import Duration
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
 from sat_collision.node import footprint_monitor
 
 EACH_MESSAGE = {'obstacle__set_end': 'each_message'}
@@ -136,6 +136,29 @@ def test_lost_messages_are_counted(pausable):
              f'messages: set {DEPTH} to one more than max_count')
     assert any(words in array.status[0].message for array in states)
     assert values(status)['obstacle: received'] == '11'
+
+
+def test_silent_publisher_does_not_go_on_with_the_messages_of_another(pausable, join):
+    """It lost its liveliness, another one sent as many messages, and then it is heard again."""
+    override = 'qos_overrides./obstacles.subscription.liveliness'
+    monitor = pausable(**{override: 'automatic', f'{override}_lease_duration': SECOND // 2})
+    silent, other = join('silent'), join('other')
+    for peer, kind, points, state in (
+            (silent, LivelinessPolicy.MANUAL_BY_TOPIC, APART, 'clear'),
+            (other, LivelinessPolicy.AUTOMATIC, TOUCHING, 'collision')):
+        monitor.until(lambda: '/obstacles has no publisher' in monitor.reason())
+        peer.publisher('/obstacles', qos=QoSProfile(
+            depth=10, liveliness=kind, liveliness_lease_duration=Duration(seconds=0.5)))
+        monitor.send('footprint', ROBOT)
+        peer.send_set('/obstacles', points)
+        monitor.until(lambda: monitor.state() == state and 'publisher' not in monitor.reason())
+    count = len(monitor.states())
+    monitor.paused = True
+    silent.send_set('/obstacles', APART)
+    assert silent.publisher('/obstacles').wait_for_all_acked(Duration(seconds=60))
+    monitor.paused = False
+    monitor.until(lambda: 'has 2 publishers' in monitor.reason())
+    assert 'clear' not in monitor.states()[count:]
 
 
 class SlowMonitor(footprint_monitor.FootprintMonitor):

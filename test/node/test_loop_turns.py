@@ -158,7 +158,7 @@ def test_looking_at_many_footprints_takes_no_more_time_than_obstacles(looped, mo
 
     def take_slowly(topic, limit, now):
         nonlocal looks
-        if topic._name == 'other':
+        if topic.name == 'other':
             looks += 1
             time.sleep(0.02)
         return take_batch(topic, limit, now)
@@ -302,27 +302,34 @@ def test_stop_is_not_delayed_by_a_flood(looped):
     assert 0 < receiver.names.count('flood') < 50
 
 
-def topic(handle, receiver, events=(), depth=2000):
-    """Return a topic whose matched status gives some events, then none."""
-    subscription = SimpleNamespace(handle=handle, msg_type=PolygonStamped,
-                                   qos_profile=QoSProfile(depth=depth))
+def topic(handle, receiver, events=(), depth=2000, status='matched'):
+    """Return a topic with a status that gives some events, then none."""
+    subscription = SimpleNamespace(handle=handle, msg_type=PolygonStamped, qos_profile=QoSProfile(
+        depth=depth, liveliness_lease_duration=Duration(seconds=status == 'liveliness')))
     events = iter(events)
-    return loop._Topic(SimpleNamespace(name='flood', subscription=subscription, ends_rest=False,
-                                       matched=lambda: next(events, None)), receiver)
+    return loop._Topic(SimpleNamespace(
+        name='flood', subscription=subscription, ends_rest=False,
+        **{'matched': lambda: None, status: lambda: next(events, None)}), receiver)
 
 
 @pytest.mark.parametrize('events, expected', [
     ((None, None), ['receive']), (('came', None), ['came', 'receive']),
     ((None, 'came'), ['came', 'receive_mixed'])])
-def test_batch_during_which_a_publisher_came_may_be_of_any(events, expected):
-    """One that came before the batch did not send it before that was known."""
+@pytest.mark.parametrize('status', ['matched', 'liveliness'])
+def test_batch_during_which_a_publisher_came_may_be_of_any(events, expected, status):
+    """
+    One that came before the batch did not send it before that was known.
+
+    It was matched, or had lost its liveliness and was heard again.
+    """
     queue = [(b'', {'publication_sequence_number': 7})]
     calls = []
     receiver = SimpleNamespace(
-        receive=lambda *_: calls.append('receive'), note_matched=lambda _, event: (
-            calls.append(event) or True), receive_mixed=lambda *_: calls.append('receive_mixed'))
+        receive=lambda *_: calls.append('receive'),
+        receive_mixed=lambda *_: calls.append('receive_mixed'),
+        **{f'note_{status}': lambda _, event: calls.append(event) or True})
     handle = SimpleNamespace(pointer=1, take_message=lambda *_: queue and queue.pop() or None)
-    assert topic(handle, receiver, events).take_batch(4, 0) == 1
+    assert topic(handle, receiver, events, status=status).take_batch(4, 0) == 1
     assert calls == expected
 
 

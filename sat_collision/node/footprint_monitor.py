@@ -284,9 +284,9 @@ class FootprintMonitor(Node):
         if self._reporting.due(steady):
             faults = [fault for one in self._transform_inputs for fault in faults_of(self, one)]
             self._health.publish(self._monitor, self._outputs.statuses(), faults)
-            if self._transform_inputs and not self.count_publishers(TF):
-                faults.append(f'{self.resolve_topic_name(TF)} has no publisher: start what '
-                              'publishes the transforms')
+            topic = self.resolve_topic_name(TF)
+            if self._transform_inputs and not self.count_publishers(topic):
+                faults.append(f'{topic} has no publisher: start what publishes the transforms')
             self._scene.note_transforms(tuple(faults))
             for name, source in self._scene.sources.items():
                 if source.knowledge.is_known and source.advice and name not in self._advised:

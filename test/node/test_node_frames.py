@@ -231,6 +231,14 @@ def test_start_without_transforms_logs_what_to_do(start_with_tf):
     assert running.logged('unknown since the start: ', ' /robot/tf has no publisher: start what')
 
 
+def test_publisher_of_a_remapped_tf_is_found(start_with_tf):
+    running = start_with_tf(footprint__radius=0.5, footprint__frame_id='base',
+                            arguments=('-r', '/tf:=/robot/tf'))
+    running.until(lambda: '/robot/tf has no publisher' in running.reason())
+    running.publisher('/robot/tf', PolygonStamped)
+    running.until(lambda: '/robot/tf has no publisher' not in running.reason(), timeout=5.0)
+
+
 def test_start_with_transforms_of_other_frames_logs_what_to_do(start_with_tf):
     running = start_with_tf(footprint__radius=0.5, footprint__frame_id='base')
     send_transforms(running, ('odom', 'other', running.now(), 0.0, 0.0))

@@ -11,11 +11,12 @@
 
 from dataclasses import replace
 
-from builders import box
+from builders import box, serialised
 from monitors import START
 import pytest
 from sat_collision.messages.transform_listener import TF, TF_STATIC
-from test_monitor_frames import Robot, SETS, SETTINGS
+from sat_collision.scene.streams import Endpoint
+from test_monitor_frames import Robot, SETS, SETTINGS, switch
 
 MAP = replace(SETS, obstacles=(replace(SETS.obstacles[0], timeout=0.0),))
 
@@ -139,3 +140,26 @@ def test_map_is_requested_again_once_its_transform_has_come(frame_id, topic, lin
     robot.numbers['lidar'] = 0
     robot.send_map('lidar', box(9))
     assert not robot.scene.source_faults and not robot.scene.wants_history('lidar')
+
+
+@pytest.mark.parametrize('is_disabled', [False, True], ids=['renewed', 'disabled'])
+def test_older_map_does_not_stand_in_for_one_that_waited_when_it_was_dropped(is_disabled):
+    """The new subscription receives both again, the older one first."""
+    robot = Robot(MAP)
+    robot.stand(0)
+    robot.monitor.update_publishers('lidar', [Endpoint('a', '/a')])
+
+    def see(*numbers):
+        for number in numbers:
+            data = serialised((box(20), (), box(0.5), ())[number - 1], robot.now,
+                              'base' if number == 3 else 'odom')
+            robot.monitor.receive('lidar', data, robot.now, number)
+    see(1, 2, 3, 4)
+    for enabled in (False, True) if is_disabled else ():
+        switch(robot, 'obstacles', enabled)
+    robot.monitor.renew('lidar')
+    see(1, 2)
+    assert robot.status() == 'unknown'
+    robot.move(0.0)
+    see(3, 4)
+    assert robot.status() == 'collision'

@@ -162,9 +162,12 @@ class WaitingItems:
 
     def renew(self, name: str) -> None:
         """Drop the messages of a name: they come again, or are not wanted."""
+        source = self._scene.sources.get(name)
         for held in self._queues.pop(name, _Queue(0)).items:
             if held.happens:
                 held.happens()
+            elif source:
+                source.stream.drop(held.number)
         self._note_firsts()
 
     def clear(self, now: int) -> None:

@@ -143,6 +143,10 @@ class Stream:
         self._doubt_publisher(number)
         return LOST
 
+    def drop(self, number: int | None) -> None:
+        """Record the number of a message that was received, but is not taken."""
+        self._newest = max(self._newest, number or 0)
+
     def update(self, endpoints: Sequence[Endpoint]) -> bool:
         """Update the publishers; return whether knowledge of obstacles must begin anew."""
         before = [one.gid for one in self.publishers]

@@ -437,6 +437,8 @@ class Events:
             self.deliveries += 1
             # What comes while the source is disabled is not received.
             one.order = self.deliveries * self.source.settings.enabled
+            if one.order:
+                one.publisher.newest = max(one.publisher.newest, one.number)
             one.publisher.is_joined = True
             one.publisher.is_beside_others |= is_mixed or self.told != [one.publisher]
             one.arrival, one.epoch_in = self.now, self.epoch

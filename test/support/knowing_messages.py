@@ -119,6 +119,7 @@ class Publisher:
         self.gid = gid
         self.node = node
         self.number = number
+        self.newest = 0  # the greatest number that was received, or dropped since
         self.is_second = is_second
         self.begun = now
         self.is_alive = self.sees = True

@@ -134,8 +134,7 @@ class World(Events):
 
     def _is_doubtful(self, one, end):
         """Tell whether a map may have been changed after a listing."""
-        last = max(message.number for message in one.delivered)
-        after = [message for message in one.sent if end.number < message.number <= last]
+        after = [message for message in one.sent if end.number < message.number <= one.newest]
         return any(not message.order for message in after) or any(
             max(message.arrival, min(message.placed_by, message.until)) + LONGEST_OPEN < self.now
             for message in after

@@ -241,9 +241,12 @@ def _pairs(settings: FootprintSettings) -> list[tuple[float, float]]:
                                  'two')
         return list(zip(points[::2], points[1::2]))
     try:
-        pairs = [(float(x), float(y)) for x, y in ast.literal_eval(points.strip())]
-        if not pairs:
-            raise ValueError('no points')
+        listed = ast.literal_eval(points.strip())
+        pairs = [(float(x), float(y)) for x, y in listed]
+        # Sets, keys, strings and booleans can be unpacked and converted, too.
+        if not (pairs and {*map(type, (listed, *listed))} <= {list, tuple}
+                and {type(value) for pair in listed for value in pair} <= {int, float}):
+            raise ValueError('not a list of points')
     # All that Python's parser, and numbers beyond the largest double, may raise.
     except (ValueError, TypeError, SyntaxError, MemoryError, RecursionError,
             OverflowError) as error:

@@ -203,6 +203,8 @@ def test_topic_of_an_outline_is_that_of_its_transforms():
     ({'points': FLAT, 'frame_id': '/base_link'}, 'without a slash before it$'),
     ({'radius': 1.0, 'fixed': ''},
      '^frame_id: the outline of footprint needs the fixed frame that it moves in, such as odom$'),
+    ({'points': FLAT, 'odometry': 'odom', 'frame_id': 'odom'},
+     '^footprint.frame_id: odom is the fixed frame, which no odometry moves: give the frame of'),
     ({}, '^footprint.frame_id is for an outline: give footprint.points or footprint.radius, too'),
     ({'frame_id': '', 'odometry': 'odom'}, '^footprint.odometry is for an outline: ')])
 def test_invalid_outlines_are_refused_in_one_line(given, words):

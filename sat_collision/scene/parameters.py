@@ -222,8 +222,8 @@ def check_outlines(settings: Settings) -> None:
                 raise ParameterError(f'frame_id: the outline of {name} needs the fixed frame that '
                                      'it moves in, such as odom')
             if one.odometry and one.frame_id == settings.frame_id:
-                raise ParameterError(f'{name}.frame_id: {one.frame_id} is the fixed frame, which no '
-                                     'odometry moves: give the frame of the robot')
+                raise ParameterError(f'{name}.frame_id: {one.frame_id} is the fixed frame, which '
+                                     'no odometry moves: give the frame of the robot')
             outline_of(one, settings.max_vertices)
         elif one.cmd_vel or one.path:
             given = 'cmd_vel: a command is in' if one.cmd_vel else 'path: a path moves'

@@ -473,8 +473,9 @@ def compare(seed, form, path):
     other = FORMS[turn // 3 % len(FORMS)]
     if turn % 3 == 0 and not (recorded.clock == 'header' and 'map' in (form, other)):
         recorded.add(Recorded(seed + 10**9, other, **kind, beside=recorded))
-    if min(len(dict(one)) for one in recorded.samples.values()) < 2 or not recorded.sources.keys() <= {
-            topic for topic, *_ in recorded.messages}:
+    # In which no time passes, or a topic has no message.
+    if min(len(dict(one)) for one in recorded.samples.values()) < 2 or (
+            recorded.sources.keys() - {topic for topic, *_ in recorded.messages}):
         return np.zeros(3, int)
     result = recorded.result(path)
     refused = Counter(topic for topic, _, k, x in recorded.messages

@@ -239,7 +239,11 @@ class Events:
     def _set_clock(self, how):
         if how != 'little' and not self.mode.is_map:
             self._drop_waiting()
+        last = self.now
         self.now += {'little': -SECOND // 2, 'back': -5 * SECOND, 'ahead': 5 * SECOND}[how]
+        if how == 'little' and self.placed_at > self.now:
+            # The newest transform is as old as before.
+            self.placed_at += self.now - last
         if how != 'little':
             self.epoch += 1
             self.epoch_begun = self.latest = self.now

@@ -300,7 +300,7 @@ class Rosbag2Storage(Storage):
         self._path = path
         files = [file for file in path.iterdir() if file.is_file()] if path.is_dir() else [path]
         if any(file.suffix == '.zstd' for file in files):
-            self._path = max(map(scratch.copy, files)).parent
+            self._path = scratch.copy(*files)
         try:
             metadata = self._opened().get_metadata()
         except RuntimeError as error:  # whatever rosbag2 raises

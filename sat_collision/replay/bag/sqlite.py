@@ -239,9 +239,7 @@ def _connected(path: Path, scratch: Scratch) -> sqlite3.Connection:
             return _opened(f'{uri}?mode=ro&vfs=unix-none', 'PRAGMA locking_mode = EXCLUSIVE')
         except sqlite3.Error:
             pass  # such as a journal, which SQLite cannot roll back without writing
-    copy = scratch.copy(path)
-    for log in logs:
-        scratch.copy(log)
+    copy = scratch.copy(path, *logs) / path.name
     # Where the last page is cut off SQLite would read zeros, as if they were coordinates.
     os.truncate(copy, copy.stat().st_size - beyond)
     return _opened(copy.as_uri())

@@ -269,16 +269,17 @@ class Scratch:
         if self._folder:
             self._folder.cleanup()
 
-    def copy(self, file: Path) -> Path:
-        """Copy a file, keeping its name; raise Damage if it is too large."""
-        copy = self._place(file.name)
-        with file.open('rb') as source:
-            self._write(source, copy)
-        return copy
+    def copy(self, *files: Path) -> Path:
+        """Copy files to a new folder, and return it; raise Damage if they are too large."""
+        folder = Path(tempfile.mkdtemp(dir=self._root))
+        for file in files:
+            with file.open('rb') as source:
+                self._write(source, folder / file.name)
+        return folder
 
     def unpack(self, packed: Path) -> tuple[Path, Damage | None]:
         """Decompress a zstd file; return the new file, and what is wrong if it is incomplete."""
-        plain = self._place(packed.stem)
+        plain = self._root / packed.stem
         zstd = _library('zstd')
         try:
             with zstd.open(packed, 'rb') as source:
@@ -287,9 +288,10 @@ class Scratch:
             return plain, Damage(in_one_line(error))
         return plain, None
 
-    def _place(self, name: str) -> Path:
+    @property
+    def _root(self) -> Path:
         self._folder = self._folder or tempfile.TemporaryDirectory(prefix='replay_check_')
-        return Path(self._folder.name, name)
+        return Path(self._folder.name)
 
     def _write(self, source: BinaryIO, path: Path) -> None:
         with path.open('wb') as target:

@@ -104,21 +104,30 @@ def test_write_ahead_log_beside_the_target_of_a_link_is_read(tmp_path, folder):
     assert (result.messages, result.verdict) == (ALL, Verdict.COLLISION)
 
 
-def test_journal_beside_the_target_of_a_link_is_rolled_back(tmp_path):
-    """As SQLite does with that of a recorder killed while it wrote into the file."""
-    (tmp_path / 'bag').mkdir()
-    recorder = create_db3(tmp_path / 'alive.db3', drive(contact=(7.0, 8.0)))
+def killed_while_writing(path, messages):
+    """Return a recording with the journal of a recorder killed while it wrote into the file."""
+    path.parent.mkdir()
+    recorder = create_db3(path.with_name('alive.db3'), messages)
     with contextlib.closing(recorder):
         recorder.executescript("""
             PRAGMA cache_size = 1; BEGIN; DELETE FROM messages;
             INSERT INTO messages VALUES (1, 1, 0, zeroblob(200000))""")
         for end in ('', '-journal'):
-            shutil.copy(tmp_path / f'alive.db3{end}', tmp_path / 'bag' / f'a.db3{end}')
-    (tmp_path / 'link.db3').symlink_to(tmp_path / 'bag' / 'a.db3')
-    for file in (tmp_path / 'bag' / 'a.db3', tmp_path / 'link.db3'):
-        result = check(file)
-        assert (result.problems, result.messages, result.verdict) == (
-            [], ALL, Verdict.COLLISION)
+            shutil.copy(path.with_name(f'alive.db3{end}'), f'{path}{end}')
+    return path
+
+
+def test_journal_beside_the_target_of_a_link_is_rolled_back(tmp_path):
+    """As SQLite does; of two links whose targets have one name, too."""
+    files = [killed_while_writing(tmp_path / str(k) / 'a.db3', messages)
+             for k, messages in enumerate((drive(contact=(7.0, 8.0)), CLEAR))]
+    (tmp_path / 'links').mkdir()
+    for k, file in enumerate(files):
+        (tmp_path / 'links' / f'{k}.db3').symlink_to(file)
+    for path, count in ((files[0], ALL), (tmp_path / 'links' / '0.db3', ALL),
+                        (tmp_path / 'links', 2 * ALL)):
+        result = check(path)
+        assert (result.messages, result.verdict) == (count, Verdict.COLLISION)
 
 
 FRAME = 24 + 4096

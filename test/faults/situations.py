@@ -494,7 +494,7 @@ SITUATIONS = {
        for form, parameters, promise in (
            ('empty polygons', {}, 0.3), ('nothing declared', _NO_MARKS, 1.4))},
     'a map is sent again by a clock that was set back': Situation(
-        _lasting(4.0, publishers.map_sent_again, set_back=100.0), 1.0, _MAP, is_short=True),
+        _lasting(4.0, publishers.map_sent_again, set_back=100.0), 1.0, _MAP),
     'the static transform of the frame of a map is corrected': Situation(
         _map_moves, 1.0, {**_LATCHED_MAP, 'frame_id': 'map'}),
     'a map of more than half of max_count is sent again': Situation(

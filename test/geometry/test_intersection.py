@@ -44,10 +44,11 @@ def bulk(pairs):
     return intersects_pairs(*(PolygonSet(Polygon(pair[k]) for pair in pairs) for k in (0, 1)))
 
 
+@pytest.mark.parametrize('count', [200, pytest.param(1000, marks=pytest.mark.long)])
 @pytest.mark.parametrize('n', [3, 4, 9, 24])
 @pytest.mark.parametrize('name', EVERY)
-def test_answers_agree_with_the_oracle(name, n):
-    pairs = pairs_of(name, 500, n)
+def test_answers_agree_with_the_oracle(name, n, count):
+    pairs = pairs_of(name, count, n)
     truth, _ = oracle.intersects_pairs(pairs)
     np.testing.assert_array_equal(bulk(pairs), truth)
     assert [intersects(p, q) for p, q in pairs[:50]] == truth[:50].tolist()

@@ -68,6 +68,7 @@ def library_answers():
     return json.loads(json.dumps(answers))
 
 
+@pytest.mark.long
 def test_compiled_kernels_and_plain_python_agree():
     """In another process without numba."""
     path = [str(ROOT), str(ROOT / 'test' / 'support'), str(Path(__file__).parent),

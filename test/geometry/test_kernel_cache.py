@@ -67,6 +67,7 @@ def run(package, program=PROGRAM, preexec_fn=None, **environment):
     return float(answer), int(hits), problem.strip()
 
 
+@pytest.mark.long
 def test_change_of_a_called_kernel_is_noticed(package):
     """The file of the caller does not change."""
     assert run(package) == (6.0, 0, 'None')

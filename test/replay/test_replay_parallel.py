@@ -280,6 +280,7 @@ def test_command_on_jobs_and_cluster(cluster, capsys):
     assert '8 contacts' in outs[0]
 
 
+@pytest.mark.long
 def test_reports_are_in_the_order_of_the_command(bags, monkeypatch, capsys):
     """Whichever is checked first, and if one is given twice."""
     given = [bags[2], bags[0], bags[2], bags[1]]

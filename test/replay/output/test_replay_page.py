@@ -519,6 +519,7 @@ def test_plan_in_contact_is_drawn_while_it_counts(page, tmp_path):
     assert shown.chromium.execute_script(plans) == 0
 
 
+@pytest.mark.long
 def test_page_of_many_recordings_has_at_most_eight_megabytes(tmp_path):
     """With long curves, and plans of many places."""
     rng = np.random.default_rng(1)

@@ -23,7 +23,7 @@ from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.messages.waiting import Held, WaitingItems
 from sat_collision.scene.frames import NoTransform
 from sat_collision.scene.scene import Scene
-from sat_collision.scene.settings import FootprintSettings, NEVER, ObstacleSettings, Settings
+from sat_collision.scene.settings import NEVER, Settings
 from sat_collision.scene.streams import Endpoint
 
 _NOTHING: Sequence[Rejection] = ()
@@ -76,9 +76,7 @@ class Monitor:
 
     def update(self, settings: Settings) -> list[Rejection]:
         """Apply changed settings, with the same names, topics and types."""
-        inputs: tuple[FootprintSettings | ObstacleSettings, ...] = (
-            *settings.footprints, *settings.obstacles)
-        for one in inputs:
+        for one in settings.inputs:
             if one.enabled != self.scene.settings_of(one.name).enabled:
                 self.waiting.renew(one.name)
         self.waiting.configure(settings)

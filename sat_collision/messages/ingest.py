@@ -130,9 +130,7 @@ class Ingest:
         self._scene = scene
         self._transforms = transforms
         self._fixed = settings.frame_id
-        inputs: tuple[FootprintSettings | ObstacleSettings, ...] = (
-            *settings.footprints, *settings.obstacles)
-        self._decode = {one.name: _DECODERS[one.type] for one in inputs}
+        self._decode = {one.name: _DECODERS[one.type] for one in settings.inputs}
         self._refused: list[tuple[int, PolygonError]] = []  # polygons of the last collection
         self._packer = Packer(settings.max_vertices)
         # By source of a map: the frame of a message refused for lack of a transform.

@@ -30,8 +30,8 @@ from sat_collision.scene.settings import (
     CommandSettings, FootprintSettings, in_ns, NEVER, Settings)
 from sat_collision.scene.sources import TOO_OLD
 from sat_collision.scene.velocity import (
-    COMMAND, Command, is_plausible, is_upside_down, ODOMETRY, Pose, pose_of, TRANSFORMS, Twist,
-    Velocity, VELOCITY_LASTS)
+    AT_REST, COMMAND, Command, is_plausible, is_upside_down, ODOMETRY, Pose, pose_of, TRANSFORMS,
+    Twist, Velocity, VELOCITY_LASTS)
 
 # An outline in a static frame is placed again so many times within its timeout.
 _TIMES_PLACED = 3
@@ -163,9 +163,8 @@ class Outlines:
         """Return the velocity given for an outline, whose frame was found; None if none is."""
         if one.settings.cmd_vel or found.at is None:
             # With commands only the pose counts: the twist is that of the command.
-            return Velocity((0.0, 0.0, 0.0), pose_of(found.affine),
-                            COMMAND if one.settings.cmd_vel else TRANSFORMS,
-                            is_upside_down(found.affine))
+            return Velocity.in_frame(found.affine, AT_REST,
+                                     COMMAND if one.settings.cmd_vel else TRANSFORMS)
         if one.settings.topic not in self._odometry:
             return None
         time, child, twist = self._odometry[one.settings.topic]
@@ -177,8 +176,7 @@ class Outlines:
         if isinstance(body, NoTransform) or body.at is not None or isinstance(where, NoTransform):
             # The outline may turn in the frame of the odometry.
             return None
-        return Velocity((0.0, 0.0, 0.0), pose_of(where.affine), ODOMETRY,
-                        is_upside_down(where.affine)).by(twist)
+        return Velocity.in_frame(where.affine, twist, ODOMETRY)
 
 
 class Commands:

@@ -48,8 +48,7 @@ from sat_collision.node.subscriptions import (
     CommandSubscriptions, PathSubscriptions, subscribe_transforms, Subscriptions, transform_type)
 from sat_collision.node.watchdog import ClockWatch, Every, Systemd, Watchdog
 from sat_collision.scene.parameters import is_name_of, ParameterError, parameters_by_node
-from sat_collision.scene.settings import (
-    FootprintSettings, NEVER, ObstacleSettings, POLYGON, Settings, TF)
+from sat_collision.scene.settings import NEVER, POLYGON, Settings, TF
 import yaml
 
 NAME = 'footprint_monitor'
@@ -225,7 +224,10 @@ class FootprintMonitor(Node):
         if not (event.total_count_change or event.current_count_change):
             return False
         self._inputs.publishers.note_matched(name, event)
-        return bool(event.total_count_change) and self._begin_anew(name)
+        if not event.total_count_change:
+            return False
+        self._begin_anew(name)
+        return True
 
     def note_liveliness(self, name: str, event: QoSLivelinessChangedInfo) -> bool:
         """Record lost liveliness; begin anew where a publisher lives again; return whether so."""
@@ -235,12 +237,14 @@ class FootprintMonitor(Node):
         self._inputs.publishers.note_liveliness(name, event.not_alive_count, change)
         topic = self._scene.settings_of(name).topic
         self._health.count_event(topic, 'liveliness lost', max(change, 0))
-        return change < 0 and self._begin_anew(name)
+        if change >= 0:
+            return False
+        self._begin_anew(name)
+        return True
 
-    def _begin_anew(self, name: str) -> bool:
+    def _begin_anew(self, name: str) -> None:
         self.begin_stream(name)
         self._monitor.interrupt(name)
-        return True
 
     def receive_mixed(self, name: str, messages: Sequence[bytes], now: int) -> None:
         self._log(self._monitor.receive_mixed(name, messages, now))
@@ -358,9 +362,7 @@ class FootprintMonitor(Node):
         for name, fault in self._commands.faults.items():
             if fault:
                 self.get_logger().warning(f'{name}: no contact is predicted: {fault}')
-        settings = self._scene.settings
-        inputs: list[FootprintSettings | ObstacleSettings] = [
-            *settings.footprints, *settings.obstacles]
+        inputs = self._scene.settings.inputs
         if ([(one.topic, one.type) for one in inputs] == _TRIED and not any(
                 self.count_publishers(topic) for topic, _ in _TRIED)):
             self.get_logger().info('nothing is published yet; to try the node, publish a robot '

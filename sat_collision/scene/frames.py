@@ -49,8 +49,7 @@ _LASTING = BAD_FRAME_ID, LOOP, NOT_CONNECTED, UNKNOWN_FRAME
 LONGEST_FRAME_ID = 255
 # Bounds the memory that made-up frame names can take.
 _MAX_FRAMES = 10_000
-# When there are so many, those long silent are looked for, which takes long, no more often than
-# this, in ns.
+# The least time of stamps, in ns, between two searches for frames to forget, as each takes long.
 _LOOKED_EVERY = 10**9
 # Max answered look-ups that are kept; in messages for users, max frames and characters of a name.
 _MAX_MAPS = 256
@@ -123,7 +122,7 @@ class Frames:
         self._moving: dict[str, _Track] = {}
         self._parents: set[str] = set()
         self._last = 0  # the stamp of the last moving transform, good or not
-        self._looked: float = -NEVER  # that when frames to be forgotten were last looked for
+        self._looked: float = -NEVER  # that of the last search for frames to forget
         # Answered look-ups by target, source and stamp. They hold until a transform changes the
         # past: one newer than all others of its frame does not.
         self._maps: dict[tuple[str, str, int], Mapped] = {}
@@ -145,10 +144,10 @@ class Frames:
         self._parents = {parent for parent, _ in links}
         self._maps.clear()
 
-    def limit_times(self, last: int, now: int) -> None:
+    def limit_times(self, before: int, now: int) -> None:
         """Let no transform be ahead of a clock that went back a little: the next ones count."""
         for track in self._moving.values():
-            track.limit(last, now)
+            track.limit(before, now)
         self._maps.clear()
 
     def configure(self, max_gap: float, max_tilt: float) -> None:
@@ -442,10 +441,14 @@ class _Track:
         """Return the newest stamp until `now`, or that of the last one received if later."""
         return self.last if self.last > now else self.stamps[bisect_right(self.stamps, now) - 1]
 
-    def limit(self, last: int, now: int) -> None:
-        """Let the newest transform be as old as before, and forget others from then on."""
+    def limit(self, before: int, now: int) -> None:
+        """
+        Let no stamp be ahead of a clock that went back from `before` to `now`.
+
+        The newest transform is as old as it was, and others of that time or later are forgotten.
+        """
         if self.stamps[-1] > now:
-            self.last = now - max(last - self.stamps[-1], 0)
+            self.last = now - max(before - self.stamps[-1], 0)
             place = bisect_left(self.stamps, self.last)
             self.stamps[place:], self.links[place:] = [self.last], self.links[-1:]
 

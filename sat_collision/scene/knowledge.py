@@ -46,7 +46,7 @@ _LONGEST_OPEN = 10**9
 _PARTS = 32
 # The rate of listings is measured over so many.
 _MEASURED = 10
-# Of so many listings that ended without being whole it is known later.
+# Max numbers kept of listings that ended and were not whole.
 _MAX_BROKEN = 1000
 
 

@@ -279,3 +279,8 @@ class Settings:
     lock_parameters: bool = field(default=False, metadata=_setting(
         'true refuses to change, once the node runs, what a clear state depends on: the '
         'parameters marked with a +, and use_sim_time'))
+
+    @property
+    def inputs(self) -> tuple[FootprintSettings | ObstacleSettings, ...]:
+        """The footprints and the sources of obstacles."""
+        return *self.footprints, *self.obstacles

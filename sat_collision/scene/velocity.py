@@ -37,6 +37,7 @@ VELOCITY_LASTS = 2 * 10**9
 Vertices: TypeAlias = NDArray[np.float64]
 # vx and vy in m/s along the axes of a body's frame, omega in rad/s, counter-clockwise.
 Twist: TypeAlias = tuple[float, float, float]
+AT_REST: Twist = (0.0, 0.0, 0.0)
 # A body's frame in the fixed frame: x and y in m, yaw in rad.
 Pose: TypeAlias = tuple[float, float, float]
 
@@ -60,6 +61,11 @@ class Velocity(NamedTuple):
     origin: str  # where the twist comes from: COMMAND, ODOMETRY, TRANSFORMS or FOOTPRINTS
     # Whether its frame is upside down: pose and twist are those of the frame turned up about x.
     is_upside_down: bool = False
+
+    @classmethod
+    def in_frame(cls, affine: Affine2D, twist: Twist, origin: str) -> Velocity:
+        """Return that of a twist in a frame, from the map that takes it to the fixed frame."""
+        return cls(AT_REST, pose_of(affine), origin, is_upside_down(affine)).by(twist)
 
     def by(self, twist: Twist) -> Velocity:
         """Return the same with another twist, in the frame."""
@@ -99,7 +105,7 @@ class Command(NamedTuple):
     """The last command of a footprint."""
 
     time: int  # its stamp in ns, not in the future
-    twist: Twist = (0.0, 0.0, 0.0)  # in the frame of the outline
+    twist: Twist = AT_REST  # in the frame of the outline
     refusal: str = ''  # why it was refused; empty if it was not
 
     def holds(self, now: int, timeout: float) -> bool:

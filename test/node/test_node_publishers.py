@@ -338,6 +338,7 @@ def test_kept_map_of_a_publisher_that_hangs_does_not_count_for_another(start, jo
     begun = len(monitor.states())
     monitor.until(lambda: counted() == ['/lives'])
     monitor.spin(1.0)
+    # Some states of before were still on their way.
     assert counted() == ['/lives'] and 'clear' not in monitor.states()[begun + 3:]
     peers[0].node.destroy_publisher(peers[0]._publishers.pop('/map'))
     monitor.await_state('clear')

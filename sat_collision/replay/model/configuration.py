@@ -206,7 +206,7 @@ def _topics(parameters: Mapping[str, Any], node: str) -> dict[str, dict[str, str
 
 def all_sources(settings: Settings) -> tuple[Source, ...]:
     """Return all settings that have a topic: footprints, sources, commands, paths."""
-    return (*settings.footprints, *settings.obstacles,
+    return (*settings.inputs,
             *(one.command for one in settings.footprints if one.command),
             *(path for one in settings.footprints if (path := one.path_settings)))
 

@@ -35,7 +35,7 @@ from sat_collision.replay.motion.trajectories import Trajectory
 from sat_collision.scene.parameters import outline_of
 from sat_collision.scene.settings import FootprintSettings
 from sat_collision.scene.velocity import (
-    COMMAND, Command, fitted, FOOTPRINTS, pose_between, Velocity, VELOCITY_LASTS)
+    AT_REST, COMMAND, Command, fitted, FOOTPRINTS, pose_between, Velocity, VELOCITY_LASTS)
 
 # How far ahead to look unless a longer time is asked for, s.
 HORIZON = 3.0
@@ -119,7 +119,7 @@ class Predictor:
         # Its determinant is negative then, and about 0 for an outline that is a segment.
         is_upside_down = bool(np.linalg.det(shape) < -_ROUNDING * (shape * shape).sum())
         pose = pose_between(outline * (1, -1) if is_upside_down else outline, ring)
-        return Velocity((0.0, 0.0, 0.0), pose, COMMAND, is_upside_down).by(command.twist)
+        return Velocity(AT_REST, pose, COMMAND, is_upside_down).by(command.twist)
 
     def _times(self, start: int, finish: int) -> list[int]:
         """Return the times to predict at, from one time until before another."""

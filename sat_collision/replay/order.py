@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from itertools import groupby
+from itertools import accumulate, groupby
 from operator import itemgetter
 from typing import TypeAlias
 
@@ -103,8 +103,8 @@ class StampOrder:
     count before the first one.
 
     Where a mark ends a set, order says what is in it: its messages stay in their order, and all
-    count at the latest stamp of them but that of the mark. `marks` has for the topic of each such
-    source what tells whether a message is a mark.
+    count at the latest stamp of them but that of the mark, those of maps at that of the ones until
+    then. `marks` has for the topic of each such source what tells whether a message is a mark.
     """
 
     def __init__(self, rows: Iterable[Row], by_header: bool,
@@ -210,9 +210,14 @@ class StampOrder:
 
     def _end_set(self, topic: str) -> None:
         parts, is_mark = self._sets[topic], self._marks[topic]
-        latest = max((time for time, *_, run in parts if not is_mark(run[0])),
-                     default=parts[-1][0])
-        self._waiting += [(latest, count, topic, run) for _, count, _, run in parts]
+        times = [0 if is_mark(run[0]) else time for time, *_, run in parts]
+        latest = max(times) or parts[-1][0]
+        if topic in self._timeless:
+            times = [*accumulate(times, max)]
+        else:
+            times = [latest] * len(parts)
+        self._waiting += [(time or latest, count, topic, run)
+                          for time, (_, count, _, run) in zip(times, parts)]
         parts.clear()
 
     def _end_sets(self, until: int | None = None) -> None:

@@ -87,6 +87,16 @@ def test_stamps_of_maps_are_not_the_clock(times, stamp, counts):
     assert [(time - START) / SECOND for topic, time, _ in found if topic == '/map'] == [counts]
 
 
+def test_each_part_of_a_map_counts_from_the_clock_on_at_which_it_was_received():
+    """Also where a footprint comes between its parts, and the mark only later."""
+    messages = [message('/footprint', 1, 1.0), message('/map', 2, 1.05, 1),
+                message('/footprint', 3, 1.1), message('/map', 4, 1.15, 2),
+                message('/footprint', 5, 1.2), message('/map', 6, 1.25, 3)]
+    order = StampOrder(in_rows(messages), True, {'/map': messages[-1][2].__eq__}, {'/map': 0})
+    assert [(time - START) / SECOND for topic, time, batch in order if topic == '/map'
+            for _ in batch] == [1.0, 1.1, 1.1]
+
+
 def expected(messages, by_header):
     """Return (topic, time, data) of single messages in the expected order."""
     found, waiting, latest = [], [], 0

@@ -504,6 +504,8 @@ def compared(recorded, result, footprint, rng):
     contacts, unknown, undetermined = map(times_of, (contacts, unknown, undetermined))
     seen = np.zeros(3, int)
     begin, end = result.start - START, result.end - START
+    if begin == end:
+        return seen
     # Also just before and after messages, which is where most changes.
     stamps = [time for _, time, *_ in recorded.messages if begin + 100 < time < end - 100]
     times = [*rng.integers(begin, end, 15).tolist(),

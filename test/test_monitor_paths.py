@@ -418,7 +418,7 @@ def test_path_in_another_frame_is_placed_at_once(lacks):
     ([(0, 0, *NONE)], {}, 'pose without orientation'),
     ([(1, 0, *NONE)] * 3, {}, 'pose without orientation'),
     (STRAIGHT, {'frame_id': ''}, 'empty frame_id'),
-    (STRAIGHT, {'pose_frame': 'map'}, 'undecodable'),
+    (STRAIGHT, {'pose_frame': 'map'}, 'pose in another frame'),
     (STRAIGHT, {'stamp': 2000 * SECOND}, 'from the future')])
 def test_refused_paths(poses, more, reason):
     """The next good one counts."""

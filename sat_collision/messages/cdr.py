@@ -71,6 +71,10 @@ class MessageError(ValueError):
     """The bytes are not a message of their topic's type."""
 
 
+class PoseFrameError(MessageError):
+    """A pose of a path is in another frame than the path."""
+
+
 def decode(data: bytes, instance: bool) -> tuple[int, str, Points, int | None]:
     """
     Read a PolygonStamped, or a PolygonInstanceStamped if `instance` is true.
@@ -242,7 +246,8 @@ def decode_path(data: bytes, most: int) -> tuple[int, str, NDArray[np.float64] |
     """
     Read a Path: stamp in ns, frame, and x, y, z and the quaternion of each pose, (k, 7).
 
-    If there are more poses than `most`, their number stands for them.
+    If there are more poses than `most`, their number stands for them. Poses in other frames raise
+    a `PoseFrameError`.
     """
     try:
         order, stamp, frame_id, end = _read_header(data)
@@ -264,7 +269,7 @@ def decode_path(data: bytes, most: int) -> tuple[int, str, NDArray[np.float64] |
             text = data[start:at]
             if text != last or not length:
                 if _name(text, length) not in ('', frame_id):
-                    raise MessageError('a pose is in another frame than the path')
+                    raise PoseFrameError('a pose is in another frame than the path')
                 last = text
             at = ((at - 4 + 7) & ~7) + 4
             poses.append(data[at:at + _TRANSFORM_SIZE])

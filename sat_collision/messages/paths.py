@@ -16,11 +16,12 @@ from dataclasses import dataclass
 import math
 
 import numpy as np
-from sat_collision.messages.cdr import decode_path, MessageError
+from sat_collision.messages.cdr import decode_path, MessageError, PoseFrameError
 from sat_collision.messages.ingest import Ingest
 from sat_collision.messages.outlines import Outlines
 from sat_collision.messages.rejections import (
-    BAD_PATH, detail_of, EMPTY_FRAME_ID, NO_ORIENTATION, Rejection, TOO_MANY_POSES, UNDECODABLE)
+    BAD_PATH, detail_of, EMPTY_FRAME_ID, NO_ORIENTATION, POSE_FRAME, Rejection, TOO_MANY_POSES,
+    UNDECODABLE)
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.scene.footprints import Status
 from sat_collision.scene.frames import NoTransform
@@ -95,7 +96,8 @@ class Paths:
         try:
             latest.stamp, latest.frame_id, poses = decode_path(latest.data, most)
         except MessageError as error:
-            problem = UNDECODABLE, str(error)
+            problem = (POSE_FRAME if isinstance(error, PoseFrameError) else UNDECODABLE,
+                       str(error))
         else:
             if isinstance(poses, int):
                 latest.too_many = poses

@@ -29,6 +29,7 @@ EMPTY_FRAME_ID = 'empty frame_id'
 NO_ORIENTATION = 'pose without orientation'
 LONG_FRAME_ID = 'long frame_id'
 OTHER_BODY = 'odometry of another body'
+POSE_FRAME = 'pose in another frame'
 UNDECODABLE = 'undecodable'
 
 _ADVICE = {
@@ -45,6 +46,7 @@ _ADVICE = {
     OTHER_FRAME: 'publish all in one frame that does not move with a robot, or set the parameter '
                  'frame_id to one that /tf connects with the others',
     OVERTAKEN: 'let one publisher send the footprint, in the order of its stamps',
+    POSE_FRAME: 'the planner must send all poses in the frame of the path, or name none for them',
     Reason.EMPTY.value: 'the publisher must send where the footprint is',
     Reason.NOT_FINITE.value: 'the publisher must send finite coordinates only',
     Reason.SELF_INTERSECTING.value: 'the publisher must send the outline of a simple polygon',

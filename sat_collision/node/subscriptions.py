@@ -202,7 +202,7 @@ def transform_type(node: Node, settings: Settings) -> type | None:
                          if one.has_outline and not one.odometry)
         node.get_logger().warning(
             f'tf2_msgs is not installed (apt install ros-jazzy-tf2-msgs; pip has none): bodies '
-            f'are taken in {settings.frame_id} only'
+            f'are taken only in {settings.frame_id} and in frames that odometry connects with it'
             + (f', and it is not known where {lost} is: give <name>.odometry' if lost else ''))
         return None
     return TFMessage  # type: ignore[no-any-return]

@@ -85,14 +85,16 @@ def check_names_given(given: Iterable[str], known: Collection[str]) -> None:
     `given` are the names that files and the command line have for the node, `known` those that
     were declared.
     """
+    owners = {one.rpartition('.')[0] for one in known}
     for name in given:
         if name not in known and name.partition('.')[0] not in _OF_EVERY_NODE:
             hint = ''
             owner, _, field = name.rpartition('.')
             if remedy := _REMOVED.get(field):
                 hint = f' any more: {remedy}'
-            elif owner and not _nearest(owner, {one.rpartition('.')[0] for one in known}):
-                hint = f": name '{owner}' in footprints or obstacles, where it is not"
+            elif owner and not _nearest(owner, owners):
+                named = ', '.join(sorted(owners - {''}))
+                hint = f": name '{owner}' in footprints or obstacles, where there is {named}"
             elif nearest := _nearest(name, known):
                 hint = f': did you mean {nearest}?'
             raise ParameterError(f"there is no parameter '{name}'{hint}")

@@ -114,7 +114,8 @@ class FootprintSettings:
         "unknown; [''] for all", live=True, safety=True))
     points: str | tuple[float, ...] = field(default='', metadata=_setting(
         'm; the outline of a footprint without a topic, which moves with its frame_id: '
-        "[x1, y1, x2, y2, ...], or Nav2's string, [[x1, y1], [x2, y2], ...]; empty for none",
+        "[x1, y1, x2, y2, ...], all with a decimal point, or Nav2's string in quotes, "
+        "'[[x1, y1], [x2, y2], ...]'; empty for none",
         live=True, safety=True, is_any_type=True))
     radius: float = field(default=0.0, metadata=_setting(
         'm; instead of points, the radius of a disc round the origin of the frame; 0.0 for none',

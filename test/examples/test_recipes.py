@@ -88,15 +88,16 @@ def test_zones_of_vda_5050(start, tmp_path):
 
 
 def test_costmap_converter(start):
-    """A closed ring, a line, a point and an empty outline, without a frame."""
+    """A closed ring, a line, a point, a disc and an empty outline, without a frame."""
     monitor = start()
     to_set = functions('costmap_converter').to_set
     ring = box(5.0)
 
     def state_is(state, x):
-        outlines = [*ring, ring[0]], [(8.0, 0.0), (9.0, 0.0)], [(12.0, 0.5)], []
+        outlines = [*ring, ring[0]], [(8.0, 0.0), (9.0, 0.0)], [(12.0, 0.5)], [(15.0, 0.5)], []
         message = SimpleNamespace(header=Header(stamp=to_time(monitor.now())), obstacles=[
-            SimpleNamespace(polygon=Polygon(points=[Point32(x=x, y=y) for x, y in outline]))
+            SimpleNamespace(polygon=Polygon(points=[Point32(x=x, y=y) for x, y in outline]),
+                            radius=1.5 if outline == [(15.0, 0.5)] else 0.0)
             for outline in outlines])
         for obstacle in to_set(message, 'map'):
             monitor.publisher('obstacles').publish(obstacle)
@@ -104,7 +105,8 @@ def test_costmap_converter(start):
         monitor.spin(0.03)
         return monitor.state() == state
     for x, state in ((2.0, 'clear'), (4.0, 'collision'), (10.0, 'clear'), (9.0, 'collision'),
-                     (11.5, 'collision'), (2.0, 'clear')):
+                     (11.5, 'collision'), (12.5, 'collision'), (16.4, 'collision'),
+                     (2.0, 'clear')):
         monitor.until(lambda: state_is(state, x), f'{state} at {x}', 60.0)
 
 

@@ -228,8 +228,9 @@ def test_plan_while_the_source_is_unknown(run):
 def test_refused_plans(run):
     nan = float('nan')
     result = run(drive(plan(0.75, [(nan, 0.0, 0.0)]), plan(1.05, TOUCHING, frame_id=''),
-                       plan(1.25, TOUCHING)), parameters={**PARAMETERS, 'max_path_poses': 3})
-    assert (result.footprints[0].plans, sum(result.footprints[0].plans_unknown.values())) == (0, 3)
+                       plan(1.15, FREE, pose_frame='map'), plan(1.25, TOUCHING)),
+                 parameters={**PARAMETERS, 'max_path_poses': 3})
+    assert (result.footprints[0].plans, sum(result.footprints[0].plans_unknown.values())) == (0, 4)
     assert all('was refused' in reason for reason in result.footprints[0].plans_unknown)
     # They are no matter of whether anything touched.
     assert result.verdict is Verdict.CLEAR

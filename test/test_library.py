@@ -99,7 +99,7 @@ def test_separations_of_many_pairs():
     assert intersects_pairs(a, b).tolist() == [value <= 0.0 for value in expected]
     rows.remove(3)
     assert separations(rows, b)[3] == np.inf
-    with pytest.raises(ValueError, match='40 bodies cannot be paired with 39'):
+    with pytest.raises(ValueError, match='40 rows cannot be paired with 39'):
         separations(a, b[1:])
 
 

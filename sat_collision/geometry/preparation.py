@@ -190,7 +190,10 @@ def _origin() -> Polygon:
 
 
 def _process(*tasks: str) -> subprocess.Popen[bytes]:
-    return subprocess.Popen([sys.executable, '-m', __spec__.name, *tasks], stdin=subprocess.PIPE,
+    # With the modules of this process: `-m` would look in the current folder first.
+    program = (f'import sys; sys.path[:] = {sys.path}; import runpy; '
+               f'runpy.run_module({__spec__.name!r}, run_name="__main__", alter_sys=True)')
+    return subprocess.Popen([sys.executable, '-c', program, *tasks], stdin=subprocess.PIPE,
                             stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
 
 

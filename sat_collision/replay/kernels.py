@@ -28,7 +28,8 @@ import time
 from typing import cast, TYPE_CHECKING
 
 from sat_collision.extras import missing
-from sat_collision.geometry.compiled.compilation import is_plain_python_chosen, use_plain_python
+from sat_collision.geometry.compiled.compilation import (
+    is_plain_python_chosen, kernel_problem, use_plain_python)
 from sat_collision.replay.bag.storage import Limits, Row
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ def prepare(say: Callable[[str], object]) -> None:
     preparation.complete()
     _warm_up()
     say(f'all kernels ready after {time.monotonic() - begun:.1f} s')
-    if mark := _mark():
+    if not kernel_problem() and (mark := _mark()):
         with contextlib.suppress(OSError):  # kernels report a cache that cannot be written
             mark.touch()
 

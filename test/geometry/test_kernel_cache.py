@@ -18,6 +18,7 @@ import sys
 
 from hardship import allow_writing, forbid_writing, without_privileges
 import pytest
+from sat_collision.geometry import preparation
 from sat_collision.geometry.compiled.jit import COMPILED, HAS_OWN_CACHE, numba
 
 pytestmark = pytest.mark.skipif(not COMPILED, reason='nothing is compiled here')
@@ -75,6 +76,30 @@ def test_change_of_a_called_kernel_is_noticed(package):
     vectors = package / 'numeric' / 'vectors.py'
     vectors.write_text(vectors.read_text().replace('math.sqrt(x * x + y * y) / scale', '7.0'))
     assert run(package) == (14.0, 0, 'None')
+
+
+@pytest.mark.long
+def test_old_code_behind_a_new_index_is_not_used(package):
+    """A process was killed between writing the two, after an upgrade."""
+    run(package)
+    kept = {path: path.read_bytes() for path in package.glob('__pycache__/caller.*.nbc')}
+    vectors = package / 'numeric' / 'vectors.py'
+    vectors.write_text(vectors.read_text().replace('math.sqrt(x * x + y * y) / scale', '7.0'))
+    assert run(package) == (14.0, 0, 'None')
+    for path, data in kept.items():
+        assert path.read_bytes() != data
+        path.write_bytes(data)
+    assert run(package) == (14.0, 0, 'None')
+    assert run(package) == (14.0, 1, 'None')
+
+
+@pytest.mark.long
+def test_kernels_of_another_processor_are_not_those_of_this_one(package):
+    program = PROGRAM.replace('print(twice(3.0), sum', 'from sat_collision.geometry.compiled '
+                              'import kernel_cache\nprint(kernel_cache.is_kept(twice) + 0, sum')
+    run(package)
+    assert run(package, program)[0] == 1.0
+    assert run(package, program, NUMBA_CPU_NAME='generic', NUMBA_CPU_FEATURES='')[0] == 0.0
 
 
 @pytest.mark.long
@@ -296,6 +321,15 @@ def test_unknown_numba_is_used_as_it_is(package):
     vectors = package / 'numeric' / 'vectors.py'
     vectors.write_text(vectors.read_text().replace('math.sqrt(x * x + y * y) / scale', '7.0'))
     assert run(package, program) == (14.0, 0, problem)
+
+
+def test_first_start_runs_nothing_of_the_current_folder(tmp_path, monkeypatch):
+    """Where modules have the names of those that it needs."""
+    for name in ('numpy', 'gc', 'sat_collision'):
+        (tmp_path / f'{name}.py').write_text('raise SystemExit(7)')
+    monkeypatch.chdir(tmp_path)
+    with preparation._process('packing') as process:
+        assert process.stdout.readline() == b'packing\n'
 
 
 def test_kernel_of_collections_is_prepared():

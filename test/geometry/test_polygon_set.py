@@ -83,6 +83,15 @@ def test_points_are_accepted_as_bodies():
         PolygonSet([near, [(0, 0), (0, float('nan'))]])
 
 
+@pytest.mark.parametrize('skipped', [np.array([False, False, True]), [0.0], ['0'], [None]])
+def test_rows_to_skip_are_integers(skipped):
+    """A mask would leave out rows 0 and 1."""
+    bodies = PolygonSet([[(0, 0)], [(1, 0)], [(50, 0)]])
+    with pytest.raises(TypeError):
+        bodies.nearest([(0, 0)], skipped)
+    assert bodies.nearest([(0, 0)], [np.uint8(0), -1, 2**70, 7])[0] == 1
+
+
 def test_unchanged_body_is_recognised():
     """A difference of an ulp is a change."""
     body = Polygon([(0, 0), (4, 0), (4, 4), (2, 1)])
@@ -325,6 +334,8 @@ NOT_FINITE = np.where(np.arange(5)[:, None, None] == 2, np.nan, SQUARES)
     ((np.empty((0, 2)), [0, 0]), 'body 0: no points'),
     ((SQUARES[0], [0, 3, 3]), 'body 1: no points'),
     ((regular(np.random.default_rng(0), 3, 1025),), 'body 0: 1025 vertices, but at most 1024'),
+    (([[(0, 0)], [(0, 0), (1, 1)]],), 'not an array: .*inhomogeneous'),
+    ((np.empty((3, 4, 0)),), r'an array of shape \(3, 4, 0\)'),
     ((SQUARES[0],), r'an array of shape \(4, 2\), expected \(m, n, 2\)'),
     ((SQUARES, [0, 4]), r'an array of shape \(5, 4, 2\)'),
     (shapely.to_ragged_array([shapely.box(0, 0, 1, 1), shapely.box(0, 0, 3, 3)

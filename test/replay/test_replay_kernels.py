@@ -120,6 +120,14 @@ def unprepared(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.parametrize('problem', [None, 'no space left on device'])
+def test_mark_says_that_kernels_are_kept(unprepared, monkeypatch, problem):
+    monkeypatch.setattr(kernels, 'kernel_problem', lambda: problem)
+    monkeypatch.setattr(kernels, '_warm_up', lambda: None)
+    kernels.prepare(lambda *_: None)
+    assert (unprepared / 'mark').exists() == (problem is None)
+
+
 def test_short_recording_is_not_compiled_for(unprepared):
     assert not kernels.choose([long_recording(unprepared / 'drive', 5_000)], Limits())
 

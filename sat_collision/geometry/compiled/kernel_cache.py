@@ -103,8 +103,9 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
              self._impl.locator.get_source_stamp()))
 
     def is_filled(self) -> bool:
+        machine = cpu_target.target_context.codegen().magic_tuple()
         try:
-            return bool(self._cache_file._load_index())
+            return any(key[1] == machine for key in self._cache_file._load_index())
         except Exception:  # reading damaged files may raise anything
             return False
 
@@ -137,7 +138,11 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
 
 
 class _CheckedFile(IndexDataCacheFile):  # type: ignore[misc]
-    """Files with a checksum, used only if it is right."""
+    """
+    Files with a checksum and the stamp of the source, used only if these are right.
+
+    The data has the stamp, too: a process that is killed before it writes them leaves old ones.
+    """
 
     def delete(self) -> None:
         for path in Path(self._cache_path).glob(f'{Path(self._index_name).stem}.*nb[ci]'):
@@ -148,13 +153,12 @@ class _CheckedFile(IndexDataCacheFile):  # type: ignore[misc]
 
     def _load_index(self) -> Any:
         try:
-            stamp, overloads = self._read(self._index_path)
+            return self._read(self._index_path) or {}
         except FileNotFoundError:
             return {}
-        return overloads if stamp == self._source_stamp else {}
 
     def _save_index(self, overloads: Any) -> None:
-        self._write(self._index_path, (self._source_stamp, overloads))
+        self._write(self._index_path, overloads)
 
     def _load_data(self, name: str) -> Any:
         return self._read(self._data_path(name))
@@ -163,7 +167,7 @@ class _CheckedFile(IndexDataCacheFile):  # type: ignore[misc]
         self._write(self._data_path(name), data)
 
     def _write(self, path: str, contents: Any) -> None:
-        data = self._dump(contents)
+        data = self._dump((self._source_stamp, contents))
         with self._open_for_write(path) as file:
             file.write(hashlib.sha256(data).digest() + data)
 
@@ -171,7 +175,8 @@ class _CheckedFile(IndexDataCacheFile):  # type: ignore[misc]
         data = Path(path).read_bytes()
         if hashlib.sha256(data[_DIGEST_SIZE:]).digest() != data[:_DIGEST_SIZE]:
             raise ValueError(f'{Path(path).name} has another checksum')
-        return pickle.loads(data[_DIGEST_SIZE:])
+        stamp, contents = pickle.loads(data[_DIGEST_SIZE:])
+        return contents if stamp == self._source_stamp else None
 
 
 class _Code(JITCodeLibrary):  # type: ignore[misc]

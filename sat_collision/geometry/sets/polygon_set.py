@@ -54,7 +54,8 @@ class PolygonSet:
     need.
 
     Any number of threads may use a set. A query answers for the set as it is when the query
-    begins; a change meanwhile is made in a copy. Sets are equal if they have the same rows with
+    begins; a change meanwhile is made in a copy. A process that is forked while another thread
+    uses a set has to make one of its own. Sets are equal if they have the same rows with
     equal bodies; as they can change, they have no hash. They can be pickled.
 
     Parameters
@@ -106,7 +107,8 @@ class PolygonSet:
             one body after another. z is ignored.
         offsets : (m + 1,) array_like of int, or tuple of such, optional
             The index at which the points of each body begin, and that at which the last ones end;
-            or the offsets of polygons, line strings or points of `shapely.to_ragged_array`.
+            or the offsets of polygons, line strings of two points, or points, as
+            `shapely.to_ragged_array` returns them.
 
         Raises
         ------
@@ -123,8 +125,11 @@ class PolygonSet:
         Polygon([[3.0, 0.0]])
 
         """
-        array = np.asanyarray(points)
-        if array.ndim != 3 - (offsets is not None):
+        try:
+            array = np.asanyarray(points)
+        except Exception as error:  # raised by objects that pretend to be arrays
+            raise PolygonError(Reason.WRONG_SHAPE, f'not an array: {error}') from error
+        if array.ndim != 3 - (offsets is not None) or not array.shape[-1]:
             raise PolygonError(Reason.WRONG_SHAPE, f'an array of shape {array.shape}, expected '
                                '(m, n, 2), or (k, 2) with offsets')
         if offsets is None:
@@ -416,7 +421,7 @@ class PolygonSet:
         ----------
         body : Polygon, (n, 2) array_like or geometry
         skipped : iterable of int, optional
-            Rows to leave out; rows without a body are ignored.
+            Rows to leave out; numbers of no row are ignored.
 
         Returns
         -------
@@ -430,7 +435,8 @@ class PolygonSet:
         (0, 2.0, (3.0, 0.0), (1.0, 0.0))
 
         """
-        return self._nearest(as_polygon(body).packed, ascending(skipped))
+        rows = sorted(row for row in map(integer, skipped) if 0 <= row < 2 ** 63)
+        return self._nearest(as_polygon(body).packed, indexable(np.array(rows, np.int64)))
 
     def _nearest(self, body: PackedBody, skipped: NDArray[np.int64] = NO_ROWS
                  ) -> tuple[int, float, Point, Point] | None:
@@ -529,7 +535,7 @@ class PolygonSet:
         array, other_array = self._snapshot()[0], other._snapshot()[0]
         used, other_used = int(array[USED]), int(other_array[USED])
         if used != other_used:
-            raise ValueError(f'{used} bodies cannot be paired with {other_used}')
+            raise ValueError(f'{used} rows cannot be paired with {other_used}; removed ones count')
         return array, other_array, used
 
     def _make_room(self, rows: list[int], sizes: NDArray[np.int64]) -> None:
@@ -582,12 +588,6 @@ def rows_within(array: Any, indexed: int, body: Polygon, margin: float) -> NDArr
     found = (intersecting_rows(array, indexed, packed, count) if margin == 0.0
              else near_rows(array, indexed, packed, count, margin, NO_ROWS)[-1])
     return NO_ROWS if found is None else np.asarray(found)
-
-
-def ascending(rows: Iterable[int]) -> NDArray[np.int64]:
-    """Return rows in ascending order, as an array that kernels read."""
-    array: NDArray[np.int64] = indexable(np.sort(np.fromiter(rows, np.int64)))
-    return array
 
 
 _EMPTY = PolygonSet()

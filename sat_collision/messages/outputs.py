@@ -176,25 +176,27 @@ class Outputs:
         of one time; one that changes after its turn is to be published again.
         """
         scene = self._scene
-        if not (self._with_states or self._measured or self._timed or self._clouded):
+        # Subscribers that come meanwhile get the next states, so that all are new.
+        with_states = self._with_states
+        if not (with_states or self._measured or self._timed or self._clouded):
             return
         stamp = self._clock.now().to_msg()
-        for name in self._flags if self._with_states else names:
+        for name in self._flags if with_states else names:
             is_named = name in names
             is_known = self.measures and scene.status(name) is not Status.UNKNOWN
             is_measured = is_named and name in self._measured
             is_timed = is_named and name in self._timed
             nearest = (scene.nearest(name)
-                       if is_known and (self._with_states or is_measured) else None)
+                       if is_known and (with_states or is_measured) else None)
             prediction = (scene.prediction(name)
-                          if is_known and (self._with_states or is_timed) else None)
+                          if is_known and (with_states or is_timed) else None)
             if is_measured:
                 self._separations[name].publish(
                     _number(nearest.separation if nearest else math.inf) if is_known else _UNKNOWN)
             if is_timed:
                 self._times[name].publish(_number(prediction.seconds) if prediction and
                                           prediction.is_known else _UNKNOWN)
-            if self._with_states:
+            if with_states:
                 self._states.write(name, scene.state(name), coordinate_step(scene.polygon(name)),
                                    prediction, self.measures)
                 self._states.write_moving(name, scene, nearest, prediction)
@@ -202,7 +204,7 @@ class Outputs:
             if is_named and self.measures and name in self._clouded:
                 self._clouds[name].publish(contact_cloud(scene, name, stamp))
             yield
-        if self._with_states:
+        if with_states:
             self._state_publisher.publish(self._states.message(stamp))
 
     def statuses(self) -> list[Any]:
@@ -231,9 +233,9 @@ class Outputs:
             self._state_publisher.publish(states.message(self._clock.now().to_msg()))
         return states.statuses
 
-    def publish_paths(self) -> None:
-        """Publish how far along its path each footprint meets an obstacle."""
-        for name, found in self._scene.path_checks.items():
+    def publish_path(self, name: str) -> None:
+        """Publish how far along its path a footprint meets an obstacle, if that was checked."""
+        if found := self._scene.path_checks.get(name):
             self._paths[name].publish(_number(found.metres))
             self.markers_current = False
 

@@ -404,8 +404,8 @@ class FootprintMonitor(Node):
                 if footprint.path:
                     self._log(self._monitor.paths.check(
                         self._now, [footprint], self._outputs.measures))
+                    self._outputs.publish_path(footprint.name)
                     yield
-            self._outputs.publish_paths()
         if self._figures_due:
             due, self._figures_due = self._figures_due, set()
             yield from self._outputs.publish_figures(due)

@@ -245,9 +245,7 @@ class Source:
         if is_old or self._is_far:
             self._is_far = is_old and (self._is_far or now - time > FAR)
         if self._mixed is not None:
-            if body is not None:
-                self._mixed.add(body, frame_id, time)
-            return refusal
+            return refusal or (self._mixed.add(body, frame_id, time) if body is not None else None)
         # The start of a map may be kept by its publisher, unless this is all that it keeps.
         wants_history = self.knowledge.wants_history or self.stream.last > 0
         continuity = self.stream.receive(number, now)

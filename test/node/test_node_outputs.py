@@ -14,16 +14,19 @@ import math
 import re
 import time
 
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from harness import APART, box, LASTING, ROBOT, SECOND, to_ns, TOUCHING, values
 import numpy as np
 
+from rclpy.serialization import deserialize_message
 from sat_collision import KERNEL
 from sat_collision.geometry.sets.packed_set import PackedSet
 from sat_collision.messages import outputs
 from sat_collision.messages.markers import Markers
 from sat_collision.messages.outputs import contact_cloud
 from sat_collision.scene.scene import Scene
+from sat_collision.scene.settings import FootprintSettings, Settings
+from std_msgs.msg import Float64
 from visualization_msgs.msg import Marker
 
 
@@ -41,6 +44,26 @@ def test_late_subscriber_gets_all_markers(start):
     assert first.markers[0].action == Marker.DELETEALL
     assert {'footprint/fill', 'obstacle/outline', 'footprint/name'} <= namespaces(first)
     assert all(namespaces(other) == namespaces(first) for other in others)
+
+
+def test_states_are_all_new_where_a_subscriber_comes_amid_figures(start):
+    """Of those footprints, too, whose figures had been published before."""
+    monitor = start()
+    settings = Settings(tuple(FootprintSettings(name, f'/{name}') for name in 'abc'), ())
+    found = outputs.Outputs(monitor.node, settings, Scene(settings))
+    received = []
+    monitor.node.create_subscription(Float64, '~/c/separation', received.append, 10)
+    monitor.until(lambda: found.find_subscribers() or found._measured)
+    figures = found.publish_figures('abc')
+    next(figures)
+    states = []
+    monitor.node.create_subscription(DiagnosticArray, '~/state', states.append, 10, raw=True)
+    monitor.until(lambda: found.find_subscribers() or found._with_states)
+    assert [*figures] == [None, None]
+    assert [*found.publish_figures('abc')] == [None] * 3
+    monitor.until(lambda: states, 'states')
+    assert [status.name[-1] for status in deserialize_message(
+        states[0], DiagnosticArray).status if status.message] == ['a', 'b', 'c']
 
 
 def test_markers_follow_the_scene(start):

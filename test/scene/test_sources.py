@@ -16,6 +16,7 @@ import pytest
 from sat_collision.monitor import Monitor
 from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.footprints import Status
+from sat_collision.scene.obstacle_store import TOO_MANY
 from sat_collision.scene.scene import FROM_FUTURE
 from sat_collision.scene.settings import FootprintSettings, NEVER, Settings
 from sat_collision.scene.sources import Source, TOO_OLD
@@ -399,6 +400,12 @@ def test_batch_of_any_publisher_counts_and_ends_nothing(settings):
     stage.scene.mix('lidar', False)
     assert stage.status() == 'collision' and stage.state().reasons
     assert len(stage.scene.obstacles) == 2
+
+
+def test_batch_of_any_publisher_refuses_what_is_too_much():
+    stage = with_robot(replace(EACH_MESSAGE, max_count=2))
+    stage.scene.mix('lidar', True)
+    assert [stage.see(x) for x in (20, 21, 0.5)] == [None, None, TOO_MANY]
 
 
 def test_obstacle_behind_one_that_waits_counts_at_once():

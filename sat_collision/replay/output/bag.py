@@ -53,6 +53,7 @@ class BagOutputs:
         self._time = 0
         self.fault: Exception | None = None  # then nothing more is written
         self._writer = _new_bag(Path(path))
+        self._scene = monitor.scene
         self._outputs = Outputs(self, settings, monitor.scene)
         self._paths = monitor.paths
 
@@ -67,7 +68,8 @@ class BagOutputs:
         self._time = now
         self._outputs.publish()
         self._paths.check(now)
-        self._outputs.publish_paths()
+        for name in self._scene.path_checks:
+            self._outputs.publish_path(name)
 
     def publish_markers(self, now: int) -> None:
         self._time = now

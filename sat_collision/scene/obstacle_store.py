@@ -163,6 +163,8 @@ class SetGroup(ObstacleGroup):
         # The row of each place, -1 for none.
         self._rows = indexable(np.empty(0, np.int64))
         self._added = 0
+        # How many of the first places are empty: a set that never ends has ever more of them.
+        self._gone = 0
         # Of runs: begin and end of their places, and the frame and time of their obstacles. Only
         # `flush` writes these to the obstacles: most sets are dropped before that is needed.
         self._pending: list[tuple[int, int, str, float]] = []
@@ -173,7 +175,7 @@ class SetGroup(ObstacleGroup):
 
     def __iter__(self) -> Iterator[Obstacle]:
         self.flush()
-        return (one for one in self._places[:self._added] if one.row is not None)
+        return (one for one in self._places[self._gone:self._added] if one.row is not None)
 
     @property
     def oldest(self) -> float:
@@ -268,7 +270,7 @@ class SetGroup(ObstacleGroup):
         self._contacts.hide_obstacles(self, self._rows)
         self._pending.clear()
         self.frames.clear()
-        self._added = 0
+        self._added = self._gone = 0
         self._oldest = NEVER
         self._store.drop(self)
 
@@ -281,6 +283,8 @@ class SetGroup(ObstacleGroup):
         super()._forget(obstacles)
         for obstacle in obstacles:
             self._rows[obstacle.key] = -1
+        while self._gone < self._added and self._places[self._gone].row is None:
+            self._gone += 1
         self._oldest = min((obstacle.time for obstacle in self), default=NEVER)
 
 

@@ -408,6 +408,17 @@ def test_batch_of_any_publisher_refuses_what_is_too_much():
     assert [stage.see(x) for x in (20, 21, 0.5)] == [None, None, TOO_MANY]
 
 
+def test_what_is_gone_of_a_set_that_never_ends_is_not_looked_at():
+    """Otherwise each message would cost more than the one before."""
+    stage = with_robot(LIDAR)
+    for _ in range(100):
+        stage.time += 0.1
+        stage.see(30)
+    group, = (one for one in stage.scene.sources['lidar'].store.groups if len(one))
+    assert len(group) == 100 and group._places[group._gone] is next(iter(group))
+    assert len([*group]) == 100 - group._gone < 50
+
+
 def test_obstacle_behind_one_that_waits_counts_at_once():
     """It counts beside the last whole set; a map is unknown while anything of it waits."""
     for settings in (LIDAR, UNTIMED_LIDAR):

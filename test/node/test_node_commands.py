@@ -79,7 +79,7 @@ def test_time_to_collision_follows_the_command(start_with_tf, message, qos):
     publisher = running.publisher('cmd_vel', type(message), qos)
     robot.until_predicted(message, publisher)
     assert running.logged(f'footprint.cmd_vel: {type(message).__name__} on /cmd_vel')
-    robot.until(lambda: robot.velocity().startswith('unknown: no command on /cmd_vel for 0.'),
+    robot.until(lambda: robot.velocity().startswith('unknown: no command on /cmd_vel for '),
                 'an end')
     robot.until(lambda: math.isnan(robot.times[-1].data), 'no time')
 

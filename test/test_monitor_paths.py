@@ -16,7 +16,6 @@ from builders import box, path, SECOND
 from monitors import World
 import numpy as np
 import pytest
-from sat_collision.messages.cdr import decode_path, MessageError
 from sat_collision.messages.markers import Markers
 from sat_collision.messages.states import States
 from sat_collision.messages.transform_listener import TF, TF_STATIC
@@ -527,31 +526,6 @@ def test_quaternions_of_any_length_are_orientations(size):
     world = at_start([(2.0, 0.35)])
     found = world.plan([(x, 0.0, 0.0, 0.0, 0.0, size, size) for x in range(4)])
     assert found.metres == pytest.approx(1.75, abs=1e-3) and not found.is_by_travel
-
-
-def test_damaged_count_of_a_pose_is_refused():
-    data = bytearray(path([(k, 0.0, 0.0) for k in range(8)], frame_id='odom', pose_frame='odom'))
-    place = bytes(data).rindex(b'odom')
-    data[place - 4] = 4
-    with pytest.raises(MessageError):
-        decode_path(bytes(data), 8)
-
-
-@pytest.mark.parametrize('length', [3, 4, 5, 8])
-@pytest.mark.parametrize('order', ['<', '>'])
-def test_each_pose_may_have_the_frame_of_the_path_or_none(order, length):
-    """However long it is, and in whatever order."""
-    frame = 'odometry'[:length]
-    numbers = [(k, 0.5 * k, 0.0, 0.1, 0.2, 0.3, 0.4) for k in range(8)]
-    for frames in ('', frame, [frame, *[''] * 7], ['', '', *[frame] * 6], [frame, ''] * 4):
-        data = path(numbers, 5, frame, order, frames)
-        stamp, frame_id, poses = decode_path(data, 8)
-        assert (stamp, frame_id, poses.tolist()) == (5, frame, [[*one] for one in numbers])
-    for place in range(8):
-        frames = [frame] * 8
-        frames[place] = frame[:-1] + 'x'
-        with pytest.raises(MessageError, match='another frame'):
-            decode_path(path(numbers, 5, frame, order, frames), 8)
 
 
 def test_damaged_paths_are_refused():

@@ -386,7 +386,7 @@ def _draw_markers(markers: MarkerArray, axes: Axes) -> None:
 
 def show(args: Sequence[str] | None = None) -> int:
     """Run the demo; return the exit status."""
-    parser = argparse.ArgumentParser(description='Watch robots in a hall.')
+    parser = argparse.ArgumentParser(description='See the monitor at work in a warehouse.')
     parser.add_argument('--publish', action='store_true', help='only publish the scene')
     parser.add_argument('--picture', default='demo.png', help='where to draw the first contact')
     parser.add_argument('--movie', default='demo.gif', help='where to draw the whole scene')

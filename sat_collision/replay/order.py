@@ -103,8 +103,9 @@ class StampOrder:
     count before the first one.
 
     Where a mark ends a set, order says what is in it: its messages stay in their order, and all
-    count at the latest stamp of them but that of the mark, those of maps at that of the ones until
-    then. `marks` has for the topic of each such source what tells whether a message is a mark.
+    count at the latest stamp of them but that of the mark. Those of a map, each of which stays,
+    count at the latest stamp of those received until then. `marks` has for the topic of each such
+    source what tells whether a message is a mark.
     """
 
     def __init__(self, rows: Iterable[Row], by_header: bool,
@@ -211,13 +212,11 @@ class StampOrder:
     def _end_set(self, topic: str) -> None:
         parts, is_mark = self._sets[topic], self._marks[topic]
         times = [0 if is_mark(run[0]) else time for time, *_, run in parts]
-        latest = max(times) or parts[-1][0]
-        if topic in self._timeless:
-            times = [*accumulate(times, max)]
-        else:
-            times = [latest] * len(parts)
-        self._waiting += [(time or latest, count, topic, run)
-                          for time, (_, count, _, run) in zip(times, parts)]
+        if topic not in self._timeless:
+            times[0] = max(times)
+        # Only an empty set counts at the stamp of its mark.
+        self._waiting += [(time or parts[-1][0], count, topic, run)
+                          for time, (_, count, _, run) in zip(accumulate(times, max), parts)]
         parts.clear()
 
     def _end_sets(self, until: int | None = None) -> None:

@@ -94,7 +94,7 @@ def check_names_given(given: Iterable[str], known: Collection[str]) -> None:
                 hint = f' any more: {remedy}'
             elif owner and not _nearest(owner, owners):
                 named = ', '.join(sorted(owners - {''}))
-                hint = f": name '{owner}' in footprints or obstacles, where there is {named}"
+                hint = f": name '{owner}' in footprints or obstacles, which name {named}"
             elif nearest := _nearest(name, known):
                 hint = f': did you mean {nearest}?'
             raise ParameterError(f"there is no parameter '{name}'{hint}")

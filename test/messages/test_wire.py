@@ -19,14 +19,14 @@ import tracemalloc
 from typing import Callable, NamedTuple
 
 from builders import (
-    box, collection, command, odometry, polygon_2d, polygon_message, SECOND, serialised,
+    box, collection, command, odometry, path, polygon_2d, polygon_message, SECOND, serialised,
     transforms)
 from monitors import START
 import numpy as np
 import pytest
 from recordings import TYPES
 from sat_collision.messages.cdr import (
-    decode, decode_collection, decode_command, decode_odometry, decode_polygon_2d,
+    decode, decode_collection, decode_command, decode_odometry, decode_path, decode_polygon_2d,
     decode_transforms, header_stamp, MessageError, stamped)
 from sat_collision.messages.interfaces import (
     deserialize, PolygonInstanceStamped, PolygonStamped, serialize)
@@ -426,3 +426,28 @@ def test_decoding_needs_neither_ros_nor_rosbags():
                f'assert len(decode_transforms({KINDS["transforms"].good()!r})) == 3; '
                'assert not {"rclpy", "geometry_msgs", "rosbags"} & set(sys.modules)')
     subprocess.run([sys.executable, '-c', program], check=True)
+
+
+def test_damaged_count_of_a_pose_is_refused():
+    data = bytearray(path([(k, 0.0, 0.0) for k in range(8)], frame_id='odom', pose_frame='odom'))
+    place = bytes(data).rindex(b'odom')
+    data[place - 4] = 4
+    with pytest.raises(MessageError):
+        decode_path(bytes(data), 8)
+
+
+@pytest.mark.parametrize('length', [3, 4, 5, 8])
+@pytest.mark.parametrize('order', ['<', '>'])
+def test_each_pose_may_have_the_frame_of_the_path_or_none(order, length):
+    """However long it is, and in whatever order."""
+    frame = 'odometry'[:length]
+    numbers = [(k, 0.5 * k, 0.0, 0.1, 0.2, 0.3, 0.4) for k in range(8)]
+    for frames in ('', frame, [frame, *[''] * 7], ['', '', *[frame] * 6], [frame, ''] * 4):
+        data = path(numbers, 5, frame, order, frames)
+        stamp, frame_id, poses = decode_path(data, 8)
+        assert (stamp, frame_id, poses.tolist()) == (5, frame, [[*one] for one in numbers])
+    for place in range(8):
+        frames = [frame] * 8
+        frames[place] = frame[:-1] + 'x'
+        with pytest.raises(MessageError, match='another frame'):
+            decode_path(path(numbers, 5, frame, order, frames), 8)

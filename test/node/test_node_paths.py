@@ -17,6 +17,8 @@ from harness import values
 from nav_msgs.msg import Path
 import pytest
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
+from sat_collision.messages.outputs import Outputs
+from sat_collision.messages.paths import Paths
 from std_msgs.msg import Bool
 
 ROBOT = {'footprint__radius': 0.5, 'footprint__frame_id': 'base', 'footprint__path': 'plan',
@@ -87,6 +89,25 @@ def test_distance_follows_path_and_obstacles(start_with_tf, qos):
     publisher.publish(Path())
     robot.until_text('unknown: no plan, as the last path on /plan is empty')
     robot.until_distance(math.nan)
+
+
+def test_each_distance_is_published_before_the_next_path_is_checked(start_with_tf, monkeypatch):
+    """What comes between two checks may raise the flag of the first footprint."""
+    turns = []
+
+    def noted(kind, name, footprint_of):
+        call = getattr(kind, name)
+        monkeypatch.setattr(kind, name, lambda self, *arguments: turns.append(
+            (name, footprint_of(*arguments))) or call(self, *arguments))
+
+    noted(Paths, 'check', lambda now, footprints, measures: footprints[0].name)
+    noted(Outputs, 'publish_path', lambda name: name)
+    running = start_with_tf(
+        footprints=['footprint', 'second'], second__path='plan', second__radius=0.5,
+        second__frame_id='base', second__timeout=5.0, **ROBOT)
+    Robot(running).until(lambda: len(turns) > 3, 'two checks')
+    assert turns[:4] == [(turn, name) for name in ('footprint', 'second')
+                         for turn in ('check', 'publish_path')]
 
 
 def test_path_is_drawn_when_nothing_else_is_received(start_with_tf):

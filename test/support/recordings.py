@@ -16,7 +16,7 @@ import subprocess
 import sys
 import tempfile
 
-from builders import serialised
+from builders import SECOND, serialised
 from compiled import plain_python
 from published import load
 import pytest
@@ -89,6 +89,11 @@ def nanoseconds(time):
     return START + round(time * 1e9)
 
 
+def since(result, *times):
+    """Return times in seconds since the recording begins."""
+    return [None if time is None else (time - result.origin) / SECOND for time in times]
+
+
 def box(x, y=0.0, size=1.0):
     """Return the corners of a square."""
     return [(x, y), (x + size, y), (x + size, y + size), (x, y + size)]
@@ -116,6 +121,23 @@ def write(path, messages, storage='mcap', compression=None, types=None, latched=
             data = content if isinstance(content, bytes) else serialised(content, stamp)
             writer.write(topics[topic], stamp, data)
     return Path(path)
+
+
+def at(time, points, delay=0.0, topic='/obstacles'):
+    """Return a message stamped at a time and received later."""
+    return topic, time + delay, serialised(points, START + round(time * SECOND))
+
+
+def samples(places, topic='/footprint', every=0.1, size=1.0):
+    """Return messages of a body that is at one place after the other."""
+    return [(topic, k * every, box(x, size=size)) for k, x in enumerate(places)]
+
+
+def run(tmp_path, messages, set_end=STAMPS, **options):
+    """Check messages, sorted by time."""
+    types = {'/tracks': INSTANCE}
+    return check(write(tmp_path / 'bag', sorted(messages, key=lambda one: one[1]), types=types),
+                 Options(**options), set_end=set_end)
 
 
 def losses(time, recorder='/rosbag2_recorder', **lost):

@@ -141,7 +141,8 @@ class _CheckedFile(IndexDataCacheFile):  # type: ignore[misc]
     """
     Files with a checksum and the stamp of the source, used only if these are right.
 
-    The data has the stamp, too: a process that is killed before it writes them leaves old ones.
+    Code has the stamp, too: a process that is killed between writing a new index and the code
+    leaves old code behind that index.
     """
 
     def delete(self) -> None:

@@ -421,7 +421,7 @@ class PolygonSet:
         ----------
         body : Polygon, (n, 2) array_like or geometry
         skipped : iterable of int, optional
-            Rows to leave out; numbers of no row are ignored.
+            Rows to leave out; numbers that no row has are ignored.
 
         Returns
         -------
@@ -535,7 +535,8 @@ class PolygonSet:
         array, other_array = self._snapshot()[0], other._snapshot()[0]
         used, other_used = int(array[USED]), int(other_array[USED])
         if used != other_used:
-            raise ValueError(f'{used} rows cannot be paired with {other_used}; removed ones count')
+            raise ValueError(f'{used} rows cannot be paired with {other_used}; '
+                             'removed rows count, too')
         return array, other_array, used
 
     def _make_room(self, rows: list[int], sizes: NDArray[np.int64]) -> None:

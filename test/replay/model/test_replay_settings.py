@@ -108,7 +108,7 @@ def test_parameters_that_the_node_refuses(domain, text):
     ('footprint.timout:=1.0', 'did you mean footprint.timeout?'),
     ('colour:=red', "no parameter 'colour'"),
     ('zzz.zzz:=1', "name 'zzz' in footprints or obstacles"),
-    ('robot.topic:=a', "name 'robot' in footprints or obstacles, where there is footprint, obst"),
+    ('robot.topic:=a', "name 'robot' in footprints or obstacles, which name footprint, obst"),
     ('margin:=1', "'margin' is 1, but must be a double: write 1.0"),
     ('frame_id:=5', 'write "5", in quotes'), ('footprints:=robot', r'write \[robot\]'),
     ('footprint.points:=[]', "'footprint.points' has no value: give it one, or leave it out"),

@@ -7,17 +7,15 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Contacts in recorded motion: between messages, at equal stamps, and undetermined motion."""
-
-from operator import itemgetter
+"""Contacts in recorded motion: between messages, at equal stamps, and of late ones."""
 
 from builders import collection, SECOND, serialised
 from published import load
 import pytest
 import recordings
 from recordings import (
-    box, COLLECTION, declared, EACH, INSTANCE, main, MARKS, POLYGON, published, SOURCE, STAMPS,
-    START, write)
+    at, box, COLLECTION, declared, EACH, INSTANCE, main, MARKS, POLYGON, published, run, samples,
+    since, SOURCE, STAMPS, START, write)
 from sat_collision.replay.losses import UNSEEN
 from sat_collision.replay.model.result import AT_A_SAMPLE, BETWEEN_SAMPLES, Options, Verdict
 
@@ -28,16 +26,6 @@ NAMES = ('autoware_ego_trajectory_boxes', 'commonroad_BEL_Zaventem-1_2_T-1',
 def check(path, options=Options(), set_end=STAMPS):
     """Check a recording in which all obstacles of a set have one stamp."""
     return recordings.check(path, options, set_end=set_end)
-
-
-def since(result, *times):
-    """Return times in seconds since the recording begins."""
-    return [None if time is None else (time - result.origin) / SECOND for time in times]
-
-
-def at(time, points, delay=0.0, topic='/obstacles'):
-    """Return a message stamped at a time and received later."""
-    return topic, time + delay, serialised(points, START + round(time * SECOND))
 
 
 @pytest.mark.parametrize('as_live', [False, True])
@@ -145,18 +133,6 @@ def test_published_recordings_at_equal_stamps(name, clock):
     assert (result.verdict is Verdict.COLLISION) == any(one['touching'] for one in moments)
 
 
-def samples(places, topic='/footprint', every=0.1, size=1.0):
-    """Return messages of a body that is at one place after the other."""
-    return [(topic, k * every, box(x, size=size)) for k, x in enumerate(places)]
-
-
-def run(tmp_path, messages, set_end=STAMPS, **options):
-    """Check messages, sorted by time."""
-    types = {'/tracks': INSTANCE}
-    return check(write(tmp_path / 'bag', sorted(messages, key=lambda one: one[1]), types=types),
-                 Options(**options), set_end)
-
-
 def test_motion_of_both_bodies_counts(tmp_path):
     """The robot and an obstacle pass each other and touch half way, in no message."""
     robot = samples([0, 0, 0, 4, 4, 4])
@@ -179,25 +155,6 @@ def test_obstacles_are_matched_in_any_order(tmp_path):
     contact, = result.contacts
     assert since(result, contact.first, contact.last) == pytest.approx([0.4, 0.5], abs=1e-6)
     assert all(source.undetermined == 0 for source in result.sources)
-
-
-def test_changed_number_of_vertices_is_undetermined_motion(tmp_path):
-    """The result says when, and is clear only where that is allowed."""
-    messages = samples([0] * 10) + samples([-5] * 5, '/obstacles')
-    messages += [('/obstacles', k / 10, box(5)[:3]) for k in range(5, 10)]
-    result = run(tmp_path, messages)
-    assert result.verdict is Verdict.UNKNOWN and result.contacts == []
-    assert [source.undetermined for source in result.sources] == [0, SECOND // 10]
-    one, = result.undetermined
-    assert since(result, one.first, one.last) == pytest.approx([0.4, 0.5])
-    assert one.reasons == [f'it is not known how something of {SOURCE} moved']
-    footprint, = result.footprints
-    assert footprint.undetermined == SECOND // 10
-    assert footprint.clear + footprint.unknown + footprint.undetermined == (
-        result.end - result.start)
-    for limit, verdict in ((0.1, Verdict.CLEAR), (0.099, Verdict.UNKNOWN)):
-        result.options = Options(max_undetermined=limit)
-        assert result.verdict is verdict
 
 
 def test_changed_start_vertex_or_direction_is_no_motion(tmp_path):
@@ -509,39 +466,6 @@ def test_marked_sets_are_linked_if_their_latest_stamps_are_near(tmp_path, places
     assert since(result, found.first, found.last) == pytest.approx([1.0, 1.5])
 
 
-@pytest.mark.parametrize('moves', [True, False])
-def test_polygon_that_may_have_moved_is_undetermined(tmp_path, moves):
-    """Of sets without a declared end: one goes and one comes, or one comes to the other."""
-    messages = samples([0.0] * 40) + samples([5.0] * (20 if moves else 40), '/obstacles')
-    messages += [('/obstacles', k / 10, box(-5.0)) for k in range(20, 40)]
-    result = run(tmp_path, sorted(messages, key=itemgetter(1)), None,
-                 parameters={f'{SOURCE}.timeout': 0.3, 'future_tolerance': 0.1})
-    assert result.contacts == []
-    found = [since(result, one.first, one.last) for one in result.undetermined
-             if one.reasons[0].endswith('obstacle moved')]
-    assert found == ([pytest.approx([1.9, 2.0])] if moves else [])
-    assert result.verdict is (Verdict.UNKNOWN if moves else Verdict.CLEAR)
-
-
-def test_silence_of_a_source_that_never_sees_anything_is_undetermined(tmp_path):
-    """Its publisher ends empty sets, but none for a second."""
-    messages = samples([0.0] * 30) + [
-        ('/obstacles', k / 10, []) for k in range(30) if not 10 < k < 20]
-    result = run(tmp_path, messages, MARKS, parameters={f'{SOURCE}.timeout': 0.5})
-    assert since(result, result.undetermined[0].first, result.undetermined[0].last) == (
-        pytest.approx([1.0, 1.5]))
-    assert result.verdict is Verdict.UNKNOWN
-
-
-def test_time_after_the_last_footprint_is_undetermined(tmp_path):
-    """It is not clear, and does not fail the check as long as the footprint is not silent."""
-    result = run(tmp_path, samples([0.0] * 20) + samples([5.0] * 24, '/obstacles'))
-    footprint, = result.footprints
-    assert result.verdict is Verdict.CLEAR
-    assert footprint.undetermined == pytest.approx(0.4 * SECOND)
-    assert footprint.clear == footprint.last - result.start - footprint.unknown
-
-
 @pytest.mark.parametrize('delay', (0.15, 0.5, 5.0))
 @pytest.mark.parametrize('clock', ('receive', 'header'))
 def test_late_footprint_counts_at_its_stamp(tmp_path, delay, clock):
@@ -622,53 +546,6 @@ def test_first_polygons_of_too_large_a_collection_count(tmp_path):
     assert since(result, contact.first, contact.last) == pytest.approx([1.0, 1.1])
 
 
-@pytest.mark.parametrize('x, undetermined', [(0.0, []), (10.0, [(3.0, 48.0)])])
-def test_footprint_that_never_times_out_stands(tmp_path, x, undetermined):
-    """It is silent for 45 s, and an obstacle touches it; then it is seen there, or elsewhere."""
-    messages = [at(k / 10, box(0.0 if k < 40 else x), topic='/footprint')
-                for k in (*range(31), *range(480, 500))]
-    messages += [at(k / 10, box(0.5 if 100 <= k < 200 else 5.0, 9.0 * (k >= 200)))
-                 for k in range(500)]
-    result = run(tmp_path, messages, parameters={'footprint.timeout': 0.0})
-    assert [since(result, one.first, one.last) for one in result.contacts] == [
-        pytest.approx([9.9, 20.0], abs=0.11)]
-    assert [since(result, one.first, one.last) for one in result.undetermined] == [
-        pytest.approx(times) for times in undetermined]
-
-
-@pytest.mark.parametrize('timeout', [0.0, 60.0])
-def test_undetermined_time_counts_whatever_the_last_stamp_of_the_footprint_is(tmp_path, timeout):
-    """Its number of vertices changes at 7.5 s; its last message is stamped 13 s back."""
-    others = [(4, 0), (5, 0), (5, 1), (4.5, 1.2), (4, 1)]
-    messages = [at(k / 10, box(0.0) if k < 75 else others, topic='/footprint')
-                for k in range(201)] + samples([2.0] * 201, '/obstacles')
-    result = run(tmp_path, [*messages, at(7.0, others, 13.05, '/footprint')],
-                 parameters={'footprint.timeout': timeout})
-    first, *_ = result.undetermined
-    assert since(result, first.first, first.last) == pytest.approx([7.4, 7.5])
-    assert (result.verdict, result.footprints[0].last) == (Verdict.UNKNOWN, START + 20 * SECOND)
-
-
-def test_footprint_stamped_by_another_clock_is_undetermined(tmp_path):
-    """Its stamps are 11 s behind, and never compared with those of obstacles."""
-    messages = [message for k in range(101) for message in (
-        at(k / 10 - 11.0, box(0.0 if k < 50 else 0.01 * k), 11.0, '/footprint'),
-        at(k / 10, box(3.0)))]
-    result = run(tmp_path, messages, parameters={'footprint.timeout': 0.0})
-    assert result.footprints[0].clear == 0 and result.verdict is Verdict.UNKNOWN
-
-
-def test_bodies_older_than_the_timeout_are_not_linked_though_their_sets_are_nearer(tmp_path):
-    """Each is 0.51 s after the one before; from one set to the next it is 0.49 s."""
-    messages = samples([9.0] * 8) + [at(0.05, [])] + [
-        at(time, box(x) if x else [], delay) for time, delay, x in (
-            (0.12, 0.0, 3.0), (0.1, 0.021, 0.5), (0.12, 0.002, None),
-            (0.63, 0.0, 3.5), (0.61, 0.021, 1.0), (0.63, 0.002, None))]
-    result = run(tmp_path, messages, MARKS, parameters={'obstacle.timeout': 0.5})
-    assert [since(result, one.first, one.last) for one in result.undetermined] == [
-        pytest.approx([0.12, 0.6], abs=1e-6)]
-
-
 def test_bodies_are_not_linked_across_more_than_a_timeout_above_ten_seconds(tmp_path):
     """One that comes again after 20.5 s where it was is held for its timeout of 20 s."""
     messages = samples([0.0] * 23, every=2.0) + [at(0.5, [])] + [
@@ -678,13 +555,3 @@ def test_bodies_are_not_linked_across_more_than_a_timeout_above_ten_seconds(tmp_
         'obstacle.timeout': 20.0, 'footprint.timeout': 5.0})
     assert [since(result, one.first, one.last) for one in result.contacts] == [
         pytest.approx(times, abs=1e-6) for times in ([1.0, 21.0], [21.5, 41.5])]
-
-
-@pytest.mark.parametrize('later', [[], [3.0, 3.1]])
-def test_set_that_one_ends_all_of_which_is_refused_is_not_whole(tmp_path, later):
-    """The fifth one lacks a polygon; after the refused one others come 2 s later, or none."""
-    refused = [(float('nan'), 0.0)]
-    messages = samples([9.0] * 35) + [at(time, box(0.0)) for time in (0, 0.2, 0.4, 0.6, 0.8)] + [
-        at(0.8, refused), at(1.0, refused)] + [at(time, box(0.0)) for time in later]
-    result = run(tmp_path, messages, STAMPS)
-    assert since(result, result.undetermined[0].first) == [pytest.approx(0.6)]

@@ -22,6 +22,7 @@ from sat_collision.geometry.compiled.jit import indexable
 from sat_collision.geometry.sets.packed_set import PackedSet
 from sat_collision.geometry.sets.run import IN_ONE_MESSAGE
 import shapely
+import shapes
 
 
 def test_random_changes_of_a_set():
@@ -127,6 +128,44 @@ def test_rows_keep_their_space_while_the_set_grows():
     assert [int(bodies._rows.space[row]) for row in (0, 1, waiting)] == packed_sizes(
         np.array([4, 4, 50])).tolist()
     assert bodies.intersecting_rows(square).tolist() == [1]
+
+
+def test_runs_take_the_same_polygons_as_are_taken_one_by_one():
+    """Also where points are repeated or on a line but for rounding, and where edges overflow."""
+    rng = np.random.default_rng(3)
+    bodies, none = PackedSet(), PackedSet()
+    rows = {room: indexable(np.array(bodies.new_rows(np.array([room])))) for room in (12, 20)}
+    taken = 0
+    for _ in range(5000):
+        most, room = int(rng.choice([5, 20])), int(rng.choice([*rows]))
+        kind = rng.integers(3)
+        if kind == 0:
+            points = rng.integers(-2, 3, (rng.integers(1, 7), 2)).astype(float)
+        elif kind == 1:
+            points = shapes.regular(rng, 1, int(rng.integers(3, 22)))[0]
+        else:
+            line = rng.integers(1, 99, 2) + np.outer([1, 2, 9], rng.integers(1, 999, 2))
+            points = np.vstack([0.1 * line, line[0] + (0, 9999)])
+        points = points[::rng.choice([1, -1])] * rng.choice([1.0, -1.0, 5e-324, 1e-200, 7e303])
+        if rng.random() < 0.2:
+            points = np.vstack([points, points[:1]])
+        spans = indexable(np.array([0, len(points)]))
+        unmoved = 1.0, 0.0, -0.0, 0.0, 1.0, -0.0
+        run = points.tobytes(), spans, 0, IN_ONE_MESSAGE, unmoved, most, workspace(most)
+        bodies.hide(rows[room])
+        if bodies.place_run(run, rows[room], 0, 1, none, 0.0):
+            body = bodies.polygon(rows[room][0])
+            alone = Polygon(points, most)
+            assert body == alone and alone.is_convex and len(body.vertices) <= room
+            assert str(body.bounds) == str(alone.bounds)
+            assert not np.signbit(body.vertices[body.vertices == 0.0]).any()
+            taken += 1
+        elif len(points) <= min(room, most + 1):
+            try:
+                assert not Polygon(points, most).is_convex
+            except PolygonError:
+                pass
+    assert 2000 < taken < 4500
 
 
 def test_run_with_a_workspace_that_is_too_small_is_refused():

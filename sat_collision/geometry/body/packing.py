@@ -22,8 +22,9 @@ from sat_collision.geometry.compiled.floating_point import require_nearest
 from sat_collision.geometry.compiled.jit import (
     indexable, inlined, inner, kernel, numbers_of, scratch, scratch_integers)
 from sat_collision.geometry.numeric.ascending import sort
-from sat_collision.geometry.numeric.predicates import orient, segments_meet
-from sat_collision.geometry.numeric.vectors import bounds_of, centroid, length
+from sat_collision.geometry.numeric.predicates import (
+    orient, ORIENTATION_BOUND, segments_meet, UNDERFLOW_BOUND)
+from sat_collision.geometry.numeric.vectors import bounds_of, centroid, length, NOWHERE
 
 # Verdicts on points.
 CONVEX = 0
@@ -113,6 +114,51 @@ def write_packed(points, received, ring, walk, packed, max_vertices, max_non_con
     for k in range(2 * count):
         packed[first + k] = ring[k]
     return verdict, count, i, j, first
+
+
+@inlined
+def plain_turn(points, received):
+    """
+    Return which way a polygon turns, 1 for left, -1 for right, its least point and its bounds.
+
+    The least point may be -1, the last one. The turn is 0 unless the first test of `orient` shows
+    each to be the same way, and only one point is less than both neighbours: most convex polygons
+    need no further examination.
+    """
+    least = 0
+    minima = 0
+    left = 0
+    right = 0
+    min_x, min_y, max_x, max_y = NOWHERE
+    x = points[2 * received - 2]
+    y = points[2 * received - 1]
+    before = max(received - 2, 0)
+    ex = x - points[2 * before]
+    ey = y - points[2 * before + 1]
+    rises_to = ex > 0.0 or (ex == 0.0 and ey > 0.0)
+    for i in range(received):
+        fx = points[2 * i] - x
+        fy = points[2 * i + 1] - y
+        x = points[2 * i]
+        y = points[2 * i + 1]
+        rises_from = fx > 0.0 or (fx == 0.0 and fy > 0.0)
+        product = ex * fy
+        other = ey * fx
+        bound = ORIENTATION_BOUND * (abs(product) + abs(other)) + UNDERFLOW_BOUND
+        left += product - other > bound
+        right += other - product > bound
+        if rises_from and not rises_to:
+            minima += 1
+            least = i - 1
+        rises_to = rises_from
+        ex = fx
+        ey = fy
+        min_x = x if x < min_x else min_x
+        min_y = y if y < min_y else min_y
+        max_x = x if x > max_x else max_x
+        max_y = y if y > max_y else max_y
+    turn = 0 if minima != 1 else 1 if left == received else -1 if right == received else 0
+    return turn, least, (min_x + 0.0, min_y + 0.0, max_x + 0.0, max_y + 0.0)
 
 
 @kernel

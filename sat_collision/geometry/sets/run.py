@@ -16,11 +16,12 @@ They are in messages that differ only in their points, or in one message that ha
 from typing import Any, TypeAlias
 
 from sat_collision.geometry.body.layout import (
-    bounds_in, box_gap, packed_polygon, packed_size, rows_of)
+    bounds_in, box_gap, HEADER, packed_polygon, packed_size, rows_of, SCAN_LIMIT)
 from sat_collision.geometry.body.packing import (
-    CONVEX, DOUBLE, move, PAIR, TRIPLE, WORD, write_inner_disc, write_packed)
+    CONVEX, DOUBLE, move, PAIR, plain_turn, TRIPLE, WORD, write_inner_disc, write_packed)
 from sat_collision.geometry.compiled.floating_point import require_nearest
-from sat_collision.geometry.compiled.jit import beyond, elements, inner, kernel, numbers_of
+from sat_collision.geometry.compiled.jit import (
+    beyond, elements, inlined, inner, kernel, numbers_of)
 from sat_collision.geometry.sets.set_kernels import NO_ROOM, write_row
 
 # Messages that differ only in their points: their bytes, joined; the end of each but the last, an
@@ -55,6 +56,7 @@ def write_run(run, set_array, rows, row, limit, others, margin):
     data, ends, first, count_at, affine, max_vertices, packed = run
     require_nearest(count_at)
     words, floats, doubles = numbers_of(data)
+    table = rows_of(set_array)
     near = rows_of(others)
     in_one = count_at == IN_ONE_MESSAGE
     header = count_at // WORD
@@ -67,6 +69,7 @@ def write_run(run, set_array, rows, row, limit, others, margin):
         raise ValueError('the workspace of a run is too small')
     packed = elements(packed)
     points, ring, walk = beyond(packed, room), beyond(packed, 2 * room), beyond(packed, 3 * room)
+    few = 0 if margin == ALONE else min(max_vertices, SCAN_LIMIT)
     for k in range(count):
         if rows[row + k] < 0:
             return k
@@ -92,11 +95,14 @@ def write_run(run, set_array, rows, row, limit, others, margin):
             move(doubles, start, PAIR, received, affine, points)
         else:
             move(floats, start, TRIPLE, received, affine, points)
+        if received <= few and _write_plain(points, received, table, rows[row + k], near, margin):
+            continue
         verdict, vertices, _, _, _ = write_packed(points, received, ring, walk, packed,
                                                   max_vertices, 0)
         if margin == ALONE and verdict == CONVEX:
             write_inner_disc(ring, vertices, packed)
-        if verdict != CONVEX or _is_near(near, packed_polygon(packed, vertices), margin) or (
+        if verdict != CONVEX or (
+                _is_near(near, bounds_in(packed_polygon(packed, vertices)), margin)) or (
                 write_row(set_array, rows[row + k], packed, vertices) == NO_ROOM):
             return k
     return count
@@ -128,10 +134,34 @@ def find_polygons(data, at, spans):
     return at
 
 
+@inlined
+def _write_plain(points, received, rows, row, near, margin):
+    """
+    Write a polygon of few vertices into a row as `write_run` does, if `plain_turn` tells enough.
+
+    Return whether it is written; if not, the row is as before.
+    """
+    turn, least, box = plain_turn(points, received)
+    if turn == 0 or packed_size(received) > rows.space[row] or _is_near(near, box, margin):
+        return False
+    body = beyond(rows.packed, rows.start[row])
+    ring = beyond(body, HEADER)
+    for k in range(received):
+        i = least + turn * k
+        i = i - received if i >= received else i + received if i < 0 else i
+        # Adding zero turns -0.0 into 0.0.
+        ring[2 * k] = points[2 * i] + 0.0
+        ring[2 * k + 1] = points[2 * i + 1] + 0.0
+    body[0], body[1], body[6] = ring[0], ring[1], 0.0
+    body[2], body[3], body[4], body[5] = box
+    rows.n[row] = received
+    rows.min_x[row], rows.min_y[row], rows.max_x[row], rows.max_y[row] = box
+    return True
+
+
 @inner
-def _is_near(rows, body, margin):
-    """Return whether the bounds of a body are within a margin of those of any row."""
-    box = bounds_in(body)
+def _is_near(rows, box, margin):
+    """Return whether bounds are within a margin of those of any row."""
     for row in range(rows.used):
         if rows.n[row] != 0 and box_gap(rows, row, box) <= margin:
             return True

@@ -28,7 +28,7 @@ import scene
 
 PACKAGES = 'numpy', 'numba', 'shapely', 'rclpy'
 PARTS = ('kernel', 'scene', 'maps', 'plans', 'node', 'cpp', 'whole_sets', 'frames', 'startup',
-         'replay', 'damaged')
+         'replay', 'collections', 'damaged')
 PLOTS = {'kernel': scene.plot, 'node': node.plot}
 _US = {name: f'{name}_us' for name in ('reading', 'decoding', 'live', 'motion')}
 _KERNELS = {'monitor': 'numba', 'plain': 'plain Python'}
@@ -71,6 +71,7 @@ def measure(quick, parts):
                            'other_frame': scene.measure_other_frame(5 * repeats)},
         'startup': lambda: node.measure_startup(repeats),
         'replay': lambda: replay.measure(*((20_000, 1) if quick else (200_000, 3))),
+        'collections': lambda: replay.measure_collections(*((300, 1) if quick else (3000, 5))),
         'damaged': lambda: replay.measure_damaged(5 if quick else 100)}
     # Parts measured later leave the line of the machine as it is.
     figures = {'machine': describe(*PACKAGES)} if parts == PARTS else {}
@@ -178,6 +179,11 @@ TABLES = {
         'checked as live': '{live_us:.1f}', 'and between messages': '{motion_us:.1f}',
         **{f'{of} ÷ {to}': lambda one, of=of, to=to: f'{one[_US[of]] / one[_US[to]]:.2f}'
            for of in ('reading', 'decoding') for to in ('live', 'motion')}}),
+    'collections': lambda figures: table_of([figures['collections']], {
+        'read by mcap': '{mcap_us:.0f}', 'checked as live': '{live_us:.0f}',
+        'and between messages': '{motion_us:.0f}',
+        'obstacles a second, live': lambda one: (
+            f'{one["obstacles"] / one["live_us"]:.1f} million')}),
     'damaged': lambda figures: table_of([figures['damaged']], {
         name: f'{{{name}:.0%}}' for name in ('sat_collision', 'rosbags', 'mcap')})}
 

@@ -16,6 +16,7 @@ and again; it is damaged at random, and the same check counts the contacts in wh
 reads until its first error.
 """
 
+from collections import deque
 from collections.abc import Iterator
 from contextlib import suppress
 from functools import partial
@@ -25,7 +26,7 @@ import tempfile
 import time
 
 import _shared  # noqa: F401
-from builders import serialised
+from builders import collection, serialised
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer as McapWriter
 import numpy as np
@@ -40,6 +41,7 @@ STORAGES = 'MCAP', 'SQLITE3'
 _START = 1_700_000_000 * 10**9
 _SECOND = 10**9
 _KIND = 'geometry_msgs/msg/PolygonStamped'
+_COLLECTION = 'polygon_msgs/msg/Polygon2DCollection'
 _TOPICS = '/footprint', '/obstacles'
 _PARAMETERS = {'obstacle.set_end': 'new_stamp'}
 _ROBOT = np.array([(-0.5, -0.4), (0.9, -0.4), (0.9, 0.4), (-0.5, 0.4)])
@@ -60,24 +62,26 @@ def _measure(storage, size, messages, runs):
              'motion_us': partial(check, options=Options(_PARAMETERS))}
     if storage == 'MCAP':
         tasks['mcap_us'] = _read_with_mcap
-    least = dict.fromkeys(tasks, float('inf'))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, 'drive')
         count = _write_drive(path, storage, size, messages)
-        for _ in range(runs):
-            for name, task in tasks.items():
-                begun = time.process_time()
-                task(path)
-                least[name] = min(least[name], time.process_time() - begun)
-    return {'storage': storage, 'obstacles': size,
-            **{name: 1e6 * seconds / count for name, seconds in least.items()}}
+        return {'storage': storage, 'obstacles': size, **_timed(tasks, path, count, runs)}
+
+
+def _timed(tasks, path, count, runs):
+    """Return the least processor time of each task on a recording, in µs of each of `count`."""
+    least = dict.fromkeys(tasks, float('inf'))
+    for _ in range(runs):
+        for name, task in tasks.items():
+            begun = time.process_time()
+            task(path)
+            least[name] = min(least[name], time.process_time() - begun)
+    return {name: 1e6 * seconds / count for name, seconds in least.items()}
 
 
 def _write_drive(path, storage, size, messages):
     """Write a robot among boxes and other convex polygons, and return the number of messages."""
-    rng = np.random.default_rng(0)
-    outlines = [rng.uniform(3, 40) * np.array([np.cos(k), np.sin(k)]) + rng.uniform(0.3, 2.0)
-                * shapes.regular(rng, 1, 4 + k % 8)[0] for k in range(size)]
+    outlines = [_outline(k, 40, 4 + k % 8) for k in range(size)]
     frames = messages // (size + 1)
     with Writer(path, version=9, storage_plugin=StoragePlugin[storage]) as writer:
         footprint, obstacles = (writer.add_connection(topic, _KIND, typestore=STORE)
@@ -89,6 +93,33 @@ def _write_drive(path, storage, size, messages):
             for k, outline in enumerate(outlines):
                 writer.write(obstacles, stamp + k + 1, serialised(outline + 0.1 * drift, stamp))
     return frames * (size + 1)
+
+
+def _outline(k, farthest, count):
+    """Return convex polygon k around the robot, of so many vertices."""
+    rng = np.random.default_rng(k)
+    return rng.uniform(3, farthest) * np.array([np.cos(k), np.sin(k)]) + (
+        rng.uniform(0.3, 2.0) * shapes.regular(rng, 1, count)[0])
+
+
+def measure_collections(messages, runs):
+    """Return the µs of reading and checking a footprint and 1,000 obstacles in one message."""
+    outlines = [_outline(k, 400, 4) for k in range(1000)]
+    tasks = {'mcap_us': lambda path: deque(_mcap(path), 0), 'motion_us': check,
+             'live_us': partial(check, options=Options(as_live=True))}
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, 'collections.mcap')
+        _write_mcap(path, _with_collections(outlines, messages), 2**20, _COLLECTION)
+        return {'obstacles': len(outlines), **_timed(tasks, path, messages, runs)}
+
+
+def _with_collections(outlines, messages):
+    """Yield (topic, stamp, bytes) of a robot among polygons that drift, ten times a second."""
+    for tick in range(messages):
+        stamp = _START + tick * _SECOND // 10
+        drift = np.array([np.sin(tick / 300), np.cos(tick / 300)])
+        yield _TOPICS[0], stamp, serialised(_ROBOT + 2 * drift, stamp)
+        yield _TOPICS[1], stamp + 1, collection([one + 0.1 * drift for one in outlines], stamp)
 
 
 def _read_all(path, decode=False):
@@ -144,12 +175,13 @@ def _contacts_in(path):
             for moment in range(contact.first, contact.last + 1, _SECOND // 10)}
 
 
-def _write_mcap(path, messages):
+def _write_mcap(path, messages, chunk=_CHUNK, obstacles=_KIND):
     with path.open('wb') as file:
-        writer = McapWriter(file, _CHUNK, CompressionType.NONE)
+        writer = McapWriter(file, chunk, CompressionType.NONE)
         writer.start('ros2')
-        schema = writer.register_schema(_KIND, 'ros2msg', STORE.generate_msgdef(_KIND)[0].encode())
-        channels = {topic: writer.register_channel(topic, 'cdr', schema) for topic in _TOPICS}
+        channels = {topic: writer.register_channel(
+            topic, 'cdr', writer.register_schema(kind, 'ros2msg', b''))
+            for topic, kind in zip(_TOPICS, (_KIND, obstacles))}
         for topic, stamp, data in messages:
             writer.add_message(channels[topic], stamp, data, stamp)
         writer.finish()

@@ -23,8 +23,8 @@ from sat_collision.geometry.body.packing import DOUBLE, PAIR, SIZES, TRIPLE
 from sat_collision.geometry.body.polygon import Affine2D, MAX_VERTICES, Polygon
 from sat_collision.messages.ingest import Placement
 from sat_collision.replay.motion.kernels import (
-    COUNT, describe, EARLIEST, END, FINISH, FIRST, follow, LATEST, MAY_REPEAT, MOTIONS,
-    MOTIONS_BEGIN, motions_between, MOTIONS_END, POINT, POINTS_END, ROW, ROWS_END, STAMP,
+    COUNT, DATA, describe, EARLIEST, END, FINISH, FIRST, follow, LAST, LATEST, MAY_REPEAT,
+    MOTIONS, MOTIONS_BEGIN, motions_between, MOTIONS_END, POINT, POINTS_END, ROW, ROWS_END, STAMP,
     START, STEP)
 from sat_collision.scene.obstacles import ObstacleId
 
@@ -68,6 +68,7 @@ class SetBatch:
     def __init__(self, sets: Sequence[Sequence[Placement]], longest: int = 0) -> None:
         pieces, ends = [], [_NO_ENDS]
         messages: list[int] = []
+        tables: list[Integers] = []
         affines: list[Affine2D | None] = []
         rings = at = 0
         for number, placements in enumerate(sets):
@@ -84,9 +85,12 @@ class SetBatch:
                 if step == PAIR and not isinstance(where, int):
                     # Each polygon of the message by itself.
                     spans = np.asarray(where).reshape(-1, 2)
-                    messages += np.column_stack(np.broadcast_arrays(
-                        number, 1, at + spans[:, 0], stamp, 0, SIZES[step] * spans[:, 1],
-                        step)).ravel().tolist()
+                    table = np.empty((len(spans), STEP + 1), np.int64)
+                    table[:] = number, 1, 0, stamp, 0, 0, step
+                    table[:, DATA] = at + spans[:, 0]
+                    table[:, LAST] = SIZES[step] * spans[:, 1]
+                    tables += _table(messages), table
+                    messages.clear()
                     rings += len(spans)
                     affines += [affine] * len(spans)
                 else:
@@ -103,7 +107,7 @@ class SetBatch:
         self.boxes = np.empty((rings, 4))
         self.sets: Integers = np.zeros((len(sets), MOTIONS_END + 1), np.int64)
         described = self.points, self.rings, self.boxes, self.sets
-        describe(b''.join(pieces), np.array(messages, np.int64).reshape(-1, STEP + 1),
+        describe(b''.join(pieces), np.concatenate([*tables, _table(messages)]),
                  np.concatenate(ends), maps, described)
         if longest and len(sets):
             rows, next_rows = np.empty((2, rings), np.int64)
@@ -252,6 +256,11 @@ class LinearMotion:
         if time >= self.finishes[i]:
             return self.after.polygon(int(self.next_rows[i]))
         return Polygon(self.ring(i, time))
+
+
+def _table(messages: list[int]) -> Integers:
+    """Return the columns of messages as `describe` takes them."""
+    return np.array(messages, np.int64).reshape(-1, STEP + 1)
 
 
 def motion_between(before: Bodies, after: Bodies, rows: Integers,

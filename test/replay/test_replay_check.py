@@ -116,8 +116,7 @@ def test_silence_begins_at_its_timeout(tmp_path):
 
     The timeouts are 2 s and 1 s after the last stamps.
     """
-    messages = sorted(standing(3.0) + standing(8.0, ['/footprint'])[30:] + [
-        ('/other', 12.0, box(0))], key=lambda message: message[1])
+    messages = [*standing(3.0), *standing(8.0, ['/footprint'])[30:], ('/other', 12.0, box(0))]
     result = check(write(tmp_path / 'bag', messages), LIVE, set_end=STAMPS)
     begins = [(round(since(result, unknown.first)[0], 6), unknown.reasons)
               for unknown in result.unknown]
@@ -225,7 +224,7 @@ def test_simulation_that_was_reset_is_not_clear(tmp_path, as_live, back):
     messages = [*(('/walls', 15.0, serialised(points, 1)) for points in (box(50), [])), *(
         (topic, time, serialised(points, stamp(time)))
         for topic, time, points in drive(40.0, contact=(20.2, 20.4) if back else (0.0, 0.0)))]
-    bag = write(tmp_path / 'bag', sorted(messages, key=lambda one: one[1]), latched=['/walls'])
+    bag = write(tmp_path / 'bag', messages, latched=['/walls'])
     result = check(bag, Options(as_live=as_live, clock=HEADER, max_unknown=20.0, parameters={
         'obstacles': ['seen', 'walls'], 'seen.topic': '/obstacles', 'walls.timeout': 0.0,
         **declared(MARKS, 'seen', 'walls')}))
@@ -248,7 +247,7 @@ def test_stamps_of_obstacles_and_maps_may_be_in_any_order(tmp_path):
     messages += standing(3.0, ['/footprint']) + [
         ('/walls', k / 10, serialised(points, START - 100 * SECOND))
         for k in (0, 15) for points in (box(50), [])]
-    bag = write(tmp_path / 'bag', sorted(messages, key=lambda one: one[1]), latched=['/walls'])
+    bag = write(tmp_path / 'bag', messages, latched=['/walls'])
     result = check(bag, Options(clock=HEADER, parameters={
         'obstacles': ['seen', 'walls'], 'seen.topic': '/obstacles', 'walls.timeout': 0.0,
         **declared(MARKS, 'seen', 'walls')}))
@@ -287,7 +286,6 @@ def test_stamps_of_maps_are_not_the_header_clock(tmp_path, as_live, off):
     messages = [('/obstacles', time, serialised(points, 0 if off is None else nanoseconds(
         time + off))) for time in (0.0, 0.15, 2.05, 5.0) for points in (box(3), [])]
     messages += [('/footprint', k / 10, box(0)) for k in range(1, 50)]
-    messages.sort(key=lambda message: message[1])
     bag = write(tmp_path / 'bag', messages, latched=['/obstacles'])
     result = check(bag, Options(as_live=as_live, clock=HEADER, parameters={
         f'{SOURCE}.timeout': 0.0}))
@@ -313,7 +311,6 @@ def test_map_stamped_ahead_counts_when_it_is_received(tmp_path, as_live, ahead):
     messages = [('/obstacles', 0.0, serialised(points, nanoseconds(ahead)))
                 for points in (box(3), [])]
     messages += [('/footprint', k / 10, box(0)) for k in range(50)]
-    messages.sort(key=lambda message: message[1])
     bag = write(tmp_path / 'bag', messages, latched=['/obstacles'])
     result = check(bag, Options(as_live=as_live, parameters={f'{SOURCE}.timeout': 0.0}))
     assert (result.verdict, result.unknown) == (Verdict.CLEAR, [])
@@ -337,9 +334,8 @@ def test_time_of_the_monitor_does_not_go_back(tmp_path, monkeypatch, as_live, cl
             return super().advance(now)
 
     monkeypatch.setattr(replay, 'Monitor', Watched)
-    messages = [*standing(3.0), ('/obstacles', 1.55, serialised(
-        box(9), START + 6 * SECOND // 10))]
-    bag = write(tmp_path / 'bag', sorted(messages, key=lambda one: one[1]))
+    messages = [*standing(3.0), ('/obstacles', 1.55, serialised(box(9), START + 6 * SECOND // 10))]
+    bag = write(tmp_path / 'bag', messages)
     check(bag, Options(as_live=as_live, clock=clock, sample=5.0, parameters={
         f'{SOURCE}.timeout': 0.3}), set_end=None)
     assert len(times) > 60 and times == sorted(times)

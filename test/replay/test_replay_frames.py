@@ -112,8 +112,7 @@ def test_transforms_that_are_far_apart_place_what_is_received_late(tmp_path, as_
         messages += [('/footprint', k / 10, serialised(box(0), stamp, 'odom')),
                      ('/obstacles', k / 10 + 0.5, serialised(box(5), stamp, 'laser', 1))]
     messages.append(('/obstacles', 4.5, serialised(box(0.5), nanoseconds(4.0), 'laser', 2)))
-    result = check(write(tmp_path / 'bag', sorted(messages, key=lambda message: message[1]),
-                         types={**TYPES, '/obstacles': INSTANCE}),
+    result = check(write(tmp_path / 'bag', messages, types={**TYPES, '/obstacles': INSTANCE}),
                    Options(parameters={'frame_id': 'odom', f'{SOURCE}.type': 'polygon_instance'},
                            footprints=['footprint:=/footprint'],
                            obstacles=[f'{SOURCE}:=/obstacles'], as_live=as_live))
@@ -194,8 +193,7 @@ def test_rotation_between_two_transforms_is_uniform(tmp_path, tf):
     assert len(times) >= len(spans) >= 8
     for first, last in spans:
         assert any(first - 1e-6 <= time <= last + 1e-6 for time in times) and last - first < 0.05
-    assert all(any(first - 1e-6 <= time <= last + 1e-6 for first, last in spans)
-               for time in times)
+    assert all(any(first - 1e-6 <= time <= last + 1e-6 for first, last in spans) for time in times)
     assert {contact.found for contact in result.contacts} == {'between samples'}
 
 
@@ -224,8 +222,7 @@ def test_outline_as_live_does_not_move_between_transforms(tmp_path):
     assert result.contacts == []
     result = run(tmp_path / 'bag2', turn([post_passed_at(1.5)]), WITH_ARM, as_live=True)
     assert [seconds(contact.first) for contact in result.contacts] == [1.5]
-    assert [(one.name, one.received) for one in result.sources] == [('footprint', 9),
-                                                                    (SOURCE, 1)]
+    assert [(one.name, one.received) for one in result.sources] == [('footprint', 9), (SOURCE, 1)]
 
 
 def test_rate_of_an_outline_does_not_coarsen_its_motion(tmp_path):
@@ -304,7 +301,6 @@ def test_map_moves_with_its_frame(tmp_path, kind, as_live):
         messages += [('/tf', time, transforms(
             ('odom', 'site', nanoseconds(time), 0.5 if 2 <= time < 3 else 10.0, 0.0))),
             ('/footprint', time, serialised(box(0), nanoseconds(time), 'odom'))]
-    messages.sort(key=lambda message: message[1])
     types = {'ids': INSTANCE, 'collections': COLLECTION}
     bag = write(tmp_path / 'bag', messages, latched=['/obstacles'], types={
         **TYPES, **({'/obstacles': types[kind]} if kind in types else {})})
@@ -352,8 +348,7 @@ def test_outline_jumps_with_a_corrected_static_transform(tmp_path, as_live, x, c
     messages += [('/obstacles', k / 20, serialised(points, nanoseconds(k / 20), 'odom', number))
                  for k in range(1, 80) for number, points in ((1, box(5, 50)), (2, box(x)))
                  if number == 1 or 42 <= k < 54]
-    result = check(write(tmp_path / 'bag', sorted(messages, key=lambda message: message[1]),
-                         types={**TYPES, '/obstacles': INSTANCE}),
+    result = check(write(tmp_path / 'bag', messages, types={**TYPES, '/obstacles': INSTANCE}),
                    Options(parameters={
                        'frame_id': 'odom', 'footprints': ['robot'], 'robot.radius': 0.5,
                        'robot.frame_id': 'base', f'{SOURCE}.type': 'polygon_instance'},

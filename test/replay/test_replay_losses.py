@@ -43,14 +43,13 @@ def standing(end=8.0, kind=MARKS):
 
 
 def run(path, messages, *events, storage='mcap', kind=MARKS, latched=(), **options):
-    return check(write(path, sorted([*messages, *events], key=lambda one: one[1]), storage, types={
+    return check(write(path, [*messages, *events], storage, types={
         **TYPES, **({} if kind in (MARKS, STAMPS, None) else {'/obstacles': kind})},
         latched=latched), Options(**options), set_end=kind if kind in (MARKS, STAMPS) else None)
 
 
 def unknown_times(result):
-    return [((one.first - START) / SECOND, (one.last - START) / SECOND)
-            for one in result.unknown]
+    return [((one.first - START) / SECOND, (one.last - START) / SECOND) for one in result.unknown]
 
 
 @BOTH
@@ -78,7 +77,7 @@ def test_loss_of_a_first_event_may_be_anywhere_before(tmp_path, as_live):
     """Also where the recorder gives its topics a namespace."""
     topic, time, event = losses(4.0, '/robot/recorder', obstacles=(1, 0))
     messages = [*standing(), (f'/robot{topic}', time, event)]
-    result = check(write(tmp_path / 'bag', sorted(messages, key=lambda one: one[1]),
+    result = check(write(tmp_path / 'bag', messages,
                          types={f'/robot{LOST_TOPIC}': LOST}), Options(as_live=as_live))
     assert unknown_times(result) == [(0.0, pytest.approx(4.1, abs=0.01))]
 

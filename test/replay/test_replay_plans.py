@@ -53,7 +53,7 @@ def drive(*plans, end=2.0, x=0.0, square=5.0, obstacles_from=0.0, robot_until=9.
         if time >= obstacles_from:
             messages += [('/obstacles', time, serialised(points, stamp, 'odom'))
                          for points in (box(square, -0.5), [])]
-    return sorted(messages, key=lambda message: message[1])
+    return messages
 
 
 @pytest.fixture(params=[False, True], ids=['recorded motion', 'as live'])
@@ -194,8 +194,7 @@ def test_transform_by_odometry_that_comes_after_the_plan(run):
     messages += [('/odom', k / 10, odometry('odom', 'base', nanoseconds(k / 10), 1.0, 0.0))
                  for k in range(21)]
     messages.append(plan(1.05, TOUCHING, frame_id='base'))
-    result = run(sorted(messages, key=lambda message: message[1]),
-                 parameters={**PARAMETERS, 'footprint.odometry': '/odom'})
+    result = run(messages, parameters={**PARAMETERS, 'footprint.odometry': '/odom'})
     assert (result.footprints[0].plans, result.footprints[0].plans_unknown) == (1, {})
     assert [(one.time, one.metres) for one in result.plan_contacts] == [
         (nanoseconds(1.05), pytest.approx(3.5, abs=1e-3))]

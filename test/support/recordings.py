@@ -11,6 +11,7 @@
 
 from dataclasses import replace
 import itertools
+from operator import itemgetter
 from pathlib import Path
 import subprocess
 import sys
@@ -101,7 +102,7 @@ def box(x, y=0.0, size=1.0):
 
 def write(path, messages, storage='mcap', compression=None, types=None, latched=()):
     """
-    Write (topic, seconds, points) and (topic, seconds, bytes) to a bag; return its path.
+    Write (topic, seconds, points) and (topic, seconds, bytes) to a bag by time; return its path.
 
     `compression` is None, 'file', 'message' or 'storage'; types are POLYGON by default;
     `latched` topics are recorded with transient-local durability.
@@ -111,7 +112,7 @@ def write(path, messages, storage='mcap', compression=None, types=None, latched=
         writer.set_compression(CompressionMode[compression.upper()], CompressionFormat.ZSTD)
     with writer:
         topics = {}
-        for topic, time, content in messages:
+        for topic, time, content in sorted(messages, key=itemgetter(1)):
             if topic not in topics:
                 kind = (types or {}).get(topic, POLYGON)
                 topics[topic] = writer.add_connection(
@@ -134,10 +135,9 @@ def samples(places, topic='/footprint', every=0.1, size=1.0):
 
 
 def run(tmp_path, messages, set_end=STAMPS, **options):
-    """Check messages, sorted by time."""
-    types = {'/tracks': INSTANCE}
-    return check(write(tmp_path / 'bag', sorted(messages, key=lambda one: one[1]), types=types),
-                 Options(**options), set_end=set_end)
+    """Write and check messages."""
+    bag = write(tmp_path / 'bag', messages, types={'/tracks': INSTANCE})
+    return check(bag, Options(**options), set_end=set_end)
 
 
 def losses(time, recorder='/rosbag2_recorder', **lost):

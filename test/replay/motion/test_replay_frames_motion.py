@@ -53,7 +53,6 @@ def recorded(path, kind, delay, turning, frames):
                      for i, place in enumerate(OBSTACLES, 1)]
         if kind == 'sets':
             messages.append(('/obstacles', time + 0.03, []))
-    messages.sort(key=lambda message: message[1])
     types = {'/tf': 'tf2_msgs/msg/TFMessage'}
     if kind == 'ids':
         types['/obstacles'] = INSTANCE

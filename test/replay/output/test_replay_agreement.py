@@ -120,8 +120,7 @@ class Checked:
         if case.has_losses:
             messages.append(losses(1.0, walls=(1, 2), plan=(1, 0)))
         types = {'collection': {'/walls': COLLECTION}, 'ids': {'/walls': INSTANCE}}
-        write(self.bag, sorted(messages, key=lambda message: message[1]),
-              types={**TYPES, **types.get(case.form, {})})
+        write(self.bag, messages, types={**TYPES, **types.get(case.form, {})})
         if case.is_damaged:
             file = self.bag / 'bag.mcap'
             file.write_bytes(file.read_bytes()[:-3000])

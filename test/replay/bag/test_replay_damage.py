@@ -13,6 +13,7 @@ import contextlib
 from importlib import import_module
 import json
 import os
+import re
 import signal
 import sqlite3
 import struct
@@ -43,9 +44,17 @@ WITHOUT_SUMMARY = {'indexes': 'NONE', 'repeat_channels': False,
                    'repeat_schemas': False, 'use_statistics': False, 'use_summary_offsets': False}
 
 
-def offsets(data, kind):
-    """Return the offsets and sizes of the records of a kind."""
-    return [(where, size) for where, found, size in records(data) if found == kind]
+def problem_of(path, messages=None):
+    """Return the one problem of bad input, of which a number of messages is read."""
+    result = check(path)
+    problem, = result.problems
+    assert result.verdict is Verdict.BAD_INPUT and messages in (None, result.messages)
+    return problem
+
+
+def offset(data, kind, number):
+    """Return the offset of one of the records of a kind."""
+    return [where for where, found, _ in records(data) if found == kind][number]
 
 
 @pytest.mark.parametrize('indexed', (True, False))
@@ -55,7 +64,7 @@ def test_zeroed_chunk_is_reported(tmp_path, first, last, indexed):
     file = write_mcap(tmp_path / 'a.mcap', CLEAR, **{} if indexed else {
         'use_statistics': False, 'repeat_channels': False, 'repeat_schemas': False})
     data = bytearray(file.read_bytes())
-    where, _ = offsets(data, CHUNK)[5]
+    where = offset(data, CHUNK, 5)
     data[where + first:where + last] = bytes(last - first)
     file.write_bytes(data)
     result = check(file)
@@ -72,9 +81,7 @@ def test_summary_offset_beyond_the_file(tmp_path, start):
     data = bytearray(file.read_bytes())
     struct.pack_into('<Q', data, len(data) - len(MAGIC) - 20, start)
     file.write_bytes(data)
-    result = check(file)
-    problem, = result.problems
-    assert (result.verdict, result.messages) == (Verdict.BAD_INPUT, ALL)
+    problem = problem_of(file, ALL)
     assert 'at its end' in problem and str(start) in problem
 
 
@@ -82,10 +89,10 @@ def test_chunk_of_an_unknown_kind_is_noticed_by_the_message_count(tmp_path):
     """Records of unknown kinds are skipped, but statistics count their messages."""
     file = write_mcap(tmp_path / 'a.mcap', CLEAR)
     data = bytearray(file.read_bytes())
-    for where, _ in offsets(data, CHUNK_INDEX):
-        data[where] = 200
-    where, _ = offsets(data, CHUNK)[5]
-    data[where] = 200
+    fifth = offset(data, CHUNK, 5)
+    for where, kind, _ in records(bytes(data)):
+        if kind == CHUNK_INDEX or where == fifth:
+            data[where] = 200
     file.write_bytes(data)
     result = check(file)
     problem, = result.problems
@@ -98,8 +105,7 @@ def test_wrong_time_of_a_chunk_without_index_is_reported(tmp_path, where):
     """Also for a part of the time, which that chunk would then be outside of."""
     file = write_mcap(tmp_path / 'a.mcap', CLEAR, indexes='NONE')
     data = bytearray(file.read_bytes())
-    place, _ = offsets(data, CHUNK)[5]
-    data[place + 9 + where] ^= 64 if where == 7 else 0x17
+    data[offset(data, CHUNK, 5) + 9 + where] ^= 64 if where == 7 else 0x17
     for content in (data, file.read_bytes()):
         file.write_bytes(content)
         for options in (Options(), Options(start=1.0, duration=8.0)):
@@ -121,10 +127,7 @@ def test_what_follows_the_end_of_the_data_is_reported(tmp_path, behind, chunked)
         first, second = first[:-len(end)] + record(DATA_END, bytes(4)), (
             message(2, box(0.0), 3.0) + record(FOOTER, bytes(20)) + MAGIC)
     (tmp_path / 'both.mcap').write_bytes(first + second)
-    result = check(tmp_path / 'both.mcap')
-    problem, = result.problems
-    assert (result.verdict, result.messages) == (Verdict.BAD_INPUT, ALL)
-    assert 'behind the end of the data' in problem
+    assert 'behind the end of the data' in problem_of(tmp_path / 'both.mcap', ALL)
 
 
 @pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
@@ -144,25 +147,19 @@ def test_metadata_with_more_messages_is_bad_input(tmp_path, storage):
 def test_file_missing_in_metadata_is_reported(tmp_path):
     bag = write(tmp_path / 'bag', CLEAR)
     write_mcap(bag / 'bag_1.mcap', drive())
-    result = check(bag)
-    assert result.verdict is Verdict.BAD_INPUT
-    assert any('bag_1.mcap' in problem for problem in result.problems)
+    assert 'bag_1.mcap' in problem_of(bag)
 
 
 def test_messages_of_unknown_topics_are_reported(tmp_path):
     """Rows of a missing topic, and messages of a missing channel."""
     file = storage_file(write(tmp_path / 'bag', CLEAR, 'sqlite3'))
     run_sql(file, 'UPDATE messages SET topic_id = 7 WHERE id > 150 AND topic_id = 2')
-    result = check(file)
-    assert result.verdict is Verdict.BAD_INPUT
-    assert any('102' in problem for problem in result.problems)
+    assert '102' in problem_of(file)
     file = tmp_path / 'a.mcap'
     file.write_bytes(mcap_of(
         schema(), channel(1, b'/footprint'), channel(2, b'/obstacles'),
         *messages_of(2 + k % 5 // 4 for k in range(30)), *messages_of([1] * 30)))
-    result = check(file)
-    assert result.verdict is Verdict.BAD_INPUT
-    assert any('6 ' in problem for problem in result.problems)
+    assert '6 ' in problem_of(file)
 
 
 def messages_of(keys):
@@ -176,9 +173,7 @@ def test_changed_channel_is_reported(tmp_path):
     messages = messages_of([1, 2] * 30)
     file.write_bytes(mcap_of(schema(), channel(1, b'/footprint'), channel(2, b'/obstacles'),
                              *messages[:32], channel(2, b'/elsewhere'), *messages[32:]))
-    result = check(file)
-    assert result.verdict is Verdict.BAD_INPUT
-    assert any('/elsewhere' in problem for problem in result.problems)
+    assert '/elsewhere' in problem_of(file)
 
 
 def test_topic_of_two_types_is_reported(tmp_path):
@@ -191,9 +186,7 @@ def test_topic_of_two_types_is_reported(tmp_path):
         schema(), schema(2, 'std_msgs/msg/Bool'), channel(1, b'/footprint'),
         channel(2, b'/obstacles'), channel(3, b'/obstacles', 2), *messages_of([1, 2, 3] * 10)))
     for file in (rows, chunks):
-        result = check(file)
-        assert result.verdict is Verdict.BAD_INPUT
-        assert any('/obstacles has the types' in problem for problem in result.problems)
+        assert '/obstacles has the types' in problem_of(file)
 
 
 def with_columns(path, types, *statements):
@@ -214,16 +207,13 @@ def with_columns(path, types, *statements):
     (('INTEGER', 'INTEGER', 'REAL'), f'{ALL} messages have no time'),
     (('INTEGER', 'INTEGER', 'TEXT'), f'{ALL} messages have no time')])
 def test_columns_of_other_types_are_reported(tmp_path, types, words):
-    result = check(with_columns(tmp_path / 'a.db3', types))
-    assert (result.verdict, result.messages) == (Verdict.BAD_INPUT, 0)
-    assert words in result.problems[0]
+    assert words in problem_of(with_columns(tmp_path / 'a.db3', types), 0)
 
 
 def test_topic_id_of_two_topics_is_reported(tmp_path):
-    result = check(with_columns(tmp_path / 'a.db3', ['INTEGER'] * 3, (
-        'INSERT INTO topics VALUES (2, ?, ?)', ('/elsewhere', POLYGON))))
-    assert (result.verdict, result.messages) == (Verdict.BAD_INPUT, ALL)
-    assert 'topic 2 is /obstacles and /elsewhere' in result.problems[0]
+    file = with_columns(tmp_path / 'a.db3', ['INTEGER'] * 3, (
+        'INSERT INTO topics VALUES (2, ?, ?)', ('/elsewhere', POLYGON)))
+    assert 'topic 2 is /obstacles and /elsewhere' in problem_of(file, ALL)
 
 
 @pytest.mark.parametrize('index', (
@@ -243,8 +233,7 @@ def test_messages_of_one_time_are_read_in_the_order_of_writing(tmp_path, index):
 def test_topic_name_cannot_forge_a_line(tmp_path):
     file = tmp_path / 'a.mcap'
     file.write_bytes(mcap_of(schema(), channel(1, b'/a'), channel(1, b'/b\nall: CLEAR')))
-    problem, = check(file).problems
-    assert problem.endswith('channel 1 is /a and /b?all: CLEAR')
+    assert problem_of(file).endswith('channel 1 is /a and /b?all: CLEAR')
 
 
 @pytest.mark.parametrize('change', [
@@ -293,19 +282,33 @@ def test_yaml_runs_no_code(tmp_path, capsys, kind):
     assert path.name in ''.join(capsys.readouterr()) and not (tmp_path / 'made').exists()
 
 
-@pytest.mark.parametrize('content', [
-    'rosbag2_bagfile_information: &a\n  topics_with_message_count: [*a]\n',
-    'rosbag2_bagfile_information: &a [*a]\n', '[' * 5000, 'rosbag2_bagfile_information: 7',
-    'rosbag2_bagfile_information:\n  relative_file_paths: 7\n', '{}', '{:',
-    '? [a]\n: 2001-99-99'])
-def test_invalid_metadata_is_bad_input(tmp_path, content):
+def merges(levels, times):
+    """Return lines of YAML in which each merges the one before it many times."""
+    return '\n'.join(['l0: &l0 {a: 1}'] + [
+        f'l{k}: &l{k} {{<<: [{", ".join(times * [f"*l{k - 1}"])}]}}' for k in range(1, levels)])
+
+
+@pytest.mark.parametrize('old, new, words', [
+    *((r'(?s)\A.*', content, '') for content in (
+        'rosbag2_bagfile_information: &a\n  topics_with_message_count: [*a]\n',
+        'rosbag2_bagfile_information: &a [*a]\n', '[' * 5000, 'rosbag2_bagfile_information: 7',
+        'rosbag2_bagfile_information:\n  relative_file_paths: 7\n', '{}', '{:',
+        '? [a]\n: 2001-99-99')),
+    # Nested merge keys would fill all memory.
+    *((r'\A', f'{lines}\n', 'is not YAML') for lines in (merges(2, 1), merges(9, 50))),
+    *((r'message_count: \d+', f'message_count: {number}', 'message_count')
+      for number in ('9' * 4000, '-1', '1.5')),
+    # Nested references would be written out by their names.
+    (r'- bag.mcap', '- [bag.mcap]', 'relative_file_paths')])
+def test_invalid_metadata_is_bad_input(tmp_path, old, new, words):
     """The storage files are read nevertheless."""
-    bag = write(tmp_path / 'bag', drive())
-    (bag / 'metadata.yaml').write_text(content)
-    result = check(bag)
-    assert result.messages == ALL
-    assert result.verdict is Verdict.COLLISION
-    assert len(result.problems) == 1 and 'metadata.yaml' in result.problems[0]
+    metadata = write(tmp_path / 'bag', drive()) / 'metadata.yaml'
+    content, count = re.subn(old, new, metadata.read_text())
+    metadata.write_text(content)
+    result = check(tmp_path / 'bag')
+    problem, = result.problems
+    assert count and (result.messages, result.verdict) == (ALL, Verdict.COLLISION)
+    assert 'metadata.yaml' in problem and words in problem
 
 
 def run_command(*arguments, **more):
@@ -385,9 +388,7 @@ def test_sqlite_pages_linked_to_a_cycle_are_bad_input(tmp_path):
     last = chain[-1] + size
     data[last:last + 4] = (chain[1] // size + 1).to_bytes(4, 'big')
     file.write_bytes(data)
-    result = check(file)
-    assert result.verdict is Verdict.BAD_INPUT
-    assert any('announce 100' in problem for problem in result.problems)
+    assert 'announce 100' in problem_of(file)
 
 
 def varint(value):
@@ -514,17 +515,13 @@ def test_checksum_of_the_data_section_is_compared(tmp_path, chunked):
     data = bytearray(file.read_bytes())
     data[data.index(struct.pack('<f', 3.0))] ^= 1
     file.write_bytes(data)
-    result = check(file)
-    assert result.verdict is Verdict.BAD_INPUT
-    assert 'data_section_crc' in result.problems[0]
+    assert 'data_section_crc' in problem_of(file)
 
 
 def test_folder_of_recordings_is_bad_input(tmp_path):
     """The message names the recordings in it, not metadata to restore."""
     write(tmp_path / 'bags' / 'one', CLEAR)
-    result = check(tmp_path / 'bags')
-    problem, = result.problems
-    assert result.verdict is Verdict.BAD_INPUT
+    problem = problem_of(tmp_path / 'bags')
     assert 'folder of recordings' in problem and str(tmp_path / 'bags' / 'one') in problem
     assert 'reindex' not in problem
 
@@ -537,23 +534,18 @@ def test_folder_of_recordings_is_bad_input(tmp_path):
 def test_file_without_a_record(tmp_path, name, content, words):
     """The message says what it is, and what to do."""
     (tmp_path / name).write_bytes(content)
-    result = check(tmp_path / name)
-    assert result.verdict is Verdict.BAD_INPUT
-    assert result.problems == [f'{tmp_path / name}: {words}; record or copy it again']
+    assert problem_of(tmp_path / name) == f'{tmp_path / name}: {words}; record or copy it again'
 
 
-def test_recording_without_topics(tmp_path):
-    result = check(write_mcap(tmp_path / 'a.mcap', []))
-    assert result.verdict is Verdict.UNKNOWN
-    assert 'the recording has no messages: were the topics published' in result.notes[-1]
-
-
-def test_recording_with_topics_but_no_messages(tmp_path):
+@pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
+def test_recording_without_topics_or_messages_is_unknown(tmp_path, storage):
+    empty = write(tmp_path / 'bag', [], storage)
     create_db3(tmp_path / 'a.db3', CLEAR).close()
     run_sql(tmp_path / 'a.db3', 'DELETE FROM messages')
-    result = check(tmp_path / 'a.db3')
-    assert result.verdict is Verdict.UNKNOWN
-    assert 'the recording has no messages: were the topics published' in result.notes[-1]
+    for path in (empty, storage_file(empty), tmp_path / 'a.db3'):
+        result = check(path)
+        assert (result.verdict, result.problems) == (Verdict.UNKNOWN, [])
+        assert 'the recording has no messages: were the topics published' in result.notes[-1]
 
 
 def test_folder_named_like_a_library_is_not_imported(tmp_path, monkeypatch):

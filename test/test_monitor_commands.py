@@ -18,7 +18,6 @@ from monitors import START, World
 import numpy as np
 import pytest
 from sat_collision.messages.cdr import stamped
-from sat_collision.messages.states import States
 from sat_collision.scene.parameters import check_outlines, ParameterError
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings, TF
 from shapely import affinity
@@ -52,11 +51,7 @@ class Driven(World):
     @property
     def velocity(self):
         """The velocity in the values of ~/state."""
-        states = States('/node', self.settings)
-        states.write('robot', self.state(), 0.0)
-        states.write_moving('robot', self.scene, None, self.prediction)
-        states.write('robot', self.state(), 0.0)
-        return {one.key: one.value for one in states.statuses[0].values}['velocity']
+        return self.value('velocity')
 
 
 AHEAD = box(2.5, -0.5)

@@ -16,7 +16,6 @@ from builders import box, odometry, SECOND, serialised, transforms
 from monitors import nanoseconds, START, World
 import pytest
 from sat_collision.messages.transform_listener import TF_STATIC
-from sat_collision.monitor import Monitor
 from sat_collision.scene import frames
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings, TF
 
@@ -435,9 +434,7 @@ def test_pose_without_a_stamp_counts_as_of_its_arrival(footprint):
 
 def test_pose_that_was_far_ahead_before_the_clock_began_does_not_block_later_ones():
     """A publisher by the system's clock, which the simulation's clock does not know yet."""
-    world = OutlineWorld()
-    world.monitor = Monitor(world.settings, transforms=True)
-    world.scene = world.monitor.scene
+    world = World(OutlineWorld().settings)
     pose = 'odom', 'base', START + 3600 * SECOND, 5.0, 0.0
     world.monitor.receive_transforms(TF, transforms(pose), 0)
     place(world, 0.1, 1.0)
@@ -457,9 +454,7 @@ def test_transform_stamped_ahead_ages_from_its_arrival():
 
 def test_transform_without_a_stamp_of_before_the_clock_ran_is_dropped():
     """It would never grow old while other frames move; one that comes later counts."""
-    world = OutlineWorld()
-    world.monitor = Monitor(world.settings, transforms=True)
-    world.scene = world.monitor.scene
+    world = World(OutlineWorld().settings)
     world.monitor.receive_transforms(TF, transforms(('odom', 'base', 0, 1.0, 0.0)), 0)
     for tenths in range(1, 4):
         world.move(tenths / 10, 1.0, child='arm')
@@ -504,9 +499,7 @@ def test_poses_of_before_a_small_step_back_give_way(footprint):
 @pytest.mark.parametrize('first', [0.0, -START / SECOND], ids=['set back', 'begins'])
 def test_outline_in_a_static_frame_is_placed_by_a_new_clock(first):
     """Its transform is sent only once, here before the clock is set back or begins."""
-    world = OutlineWorld()
-    world.monitor = Monitor(world.settings, transforms=True)
-    world.scene = world.monitor.scene
+    world = World(OutlineWorld().settings)
     world.wait_until(first)
     world.receive_transforms(TF_STATIC, ('odom', 'base', 0, 7.0, 0.0))
     assert (world.status(), bool(world.scene.footprints)) == ('unknown', first == 0.0)

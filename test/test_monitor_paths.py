@@ -17,7 +17,6 @@ from monitors import World
 import numpy as np
 import pytest
 from sat_collision.messages.markers import Markers
-from sat_collision.messages.states import States
 from sat_collision.messages.transform_listener import TF, TF_STATIC
 from sat_collision.scene.parameters import check_outlines, ParameterError
 from sat_collision.scene.path import FollowedPath
@@ -55,11 +54,7 @@ class Follower(World):
 
     @property
     def text(self):
-        states = States('/node', self.settings)
-        states.write('robot', self.state(), 0.0)
-        states.write_moving('robot', self.scene, None, None)
-        states.write('robot', self.state(), 0.0)
-        return {one.key: one.value for one in states.statuses[0].values}['path contact']
+        return self.value('path contact')
 
 
 def at_start(*polygons, x=0.0, y=0.0, yaw=0.0, **more):

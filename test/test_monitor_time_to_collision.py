@@ -144,8 +144,7 @@ def test_only_monitored_sources_count():
     world = Predicted([FAR], [AHEAD], obstacles=('map',))
     world.drive(0.0, 0.1)
     assert world.seconds == math.inf
-    world.monitor.update(replace(world.settings, footprints=(
-        replace(world.settings.footprints[0], obstacles=()),)))
+    world.use(obstacles=())
     assert world.prediction[:2] == (pytest.approx(1.9, abs=1e-3), ObstacleId('dock', 1))
 
 
@@ -216,8 +215,7 @@ def test_imminent_ends_when_the_footprint_brakes_or_its_velocity_is_unknown():
     assert world.status() == 'clear' and world.prediction is None
     world.drive(2.0, 2.1, speed=0.9)
     assert world.status() == 'imminent'
-    world.monitor.update(replace(world.settings, footprints=(
-        replace(world.settings.footprints[0], min_time_to_collision=0.0),)))
+    world.use(min_time_to_collision=0.0)
     assert world.status() == 'clear'
 
 

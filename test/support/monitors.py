@@ -14,6 +14,7 @@ from dataclasses import replace
 import math
 
 from builders import box, odometry, SECOND, serialised, transforms
+from sat_collision.messages.states import States
 from sat_collision.messages.transform_listener import TF
 from sat_collision.monitor import Monitor
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
@@ -105,6 +106,14 @@ class World:
 
     def status(self, name='robot'):
         return self.scene.status(name).value
+
+    def value(self, key):
+        """Return a value of the robot in ~/state, which a new state keeps."""
+        states = States('/node', self.settings)
+        states.write('robot', self.state(), 0.0)
+        states.write_moving('robot', self.scene, None, self.prediction)
+        states.write('robot', self.state(), 0.0)
+        return {one.key: one.value for one in states.statuses[0].values}[key]
 
     def bounds(self, name='robot'):
         return dict(self.scene.footprints)[name].bounds

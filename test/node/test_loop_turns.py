@@ -81,7 +81,7 @@ class Recorder:
 
 @pytest.fixture
 def looped(peer):
-    """Return a peer, and a context that runs a Loop on 'flood' and 'other', which ends rests."""
+    """Return a context that runs a Loop on 'flood' and 'other', which ends rests."""
     node = rclpy.create_node('receiver', context=peer.context)
 
     def subscribed(name):
@@ -97,7 +97,7 @@ def looped(peer):
         one.close()
 
     looped.node = node
-    yield peer, looped
+    yield looped
     node.destroy_node()
 
 
@@ -110,9 +110,8 @@ def arrive(peer, **counts):
         assert publisher.wait_for_all_acked(Duration(seconds=60))
 
 
-def test_other_topics_get_their_turn_during_a_flood(looped):
+def test_other_topics_get_their_turn_during_a_flood(peer, looped):
     """Half a second of work is queued on one topic; the other's message and ticks come between."""
-    peer, looped = looped
     receiver = Recorder(0.001)
     arrive(peer, flood=500, other=1)
     with looped(receiver) as one:
@@ -126,9 +125,8 @@ def test_other_topics_get_their_turn_during_a_flood(looped):
 
 
 def test_topic_that_was_behind_before_another_subscription_came_is_no_longer(
-        looped, monkeypatch):
+        peer, looped, monkeypatch):
     """The loop begins with new topics; then the rest of the flood is taken in one turn."""
-    peer, looped = looped
     receiver = Recorder(0.001)
     arrive(peer, flood=100)
     with looped(receiver) as one:
@@ -138,9 +136,8 @@ def test_topic_that_was_behind_before_another_subscription_came_is_no_longer(
     assert receiver.backlogs[-1] == ('flood', None)
 
 
-def test_many_footprints_leave_obstacles_their_time(looped, monkeypatch):
+def test_many_footprints_leave_obstacles_their_time(peer, looped, monkeypatch):
     """A source has half of each turn, however many footprints share the other half."""
-    peer, looped = looped
     monkeypatch.setattr(loop, '_LONGEST_TURN', 20.0)
     receiver = Recorder(0.003)
     arrive(peer, flood=300)
@@ -149,9 +146,8 @@ def test_many_footprints_leave_obstacles_their_time(looped, monkeypatch):
     assert receiver.names.count('flood') == 300
 
 
-def test_looking_at_many_footprints_takes_no_more_time_than_obstacles(looped, monkeypatch):
+def test_looking_at_many_footprints_takes_no_more_time_than_obstacles(peer, looped, monkeypatch):
     """A look takes 20 ms here and a batch much less: so there is no look after each batch."""
-    peer, looped = looped
     receiver = Recorder()
     looks = 0
     take_batch = loop._Topic.take_batch
@@ -171,9 +167,8 @@ def test_looking_at_many_footprints_takes_no_more_time_than_obstacles(looped, mo
     assert 1 < looks < 15
 
 
-def test_footprints_are_received_and_published_first(looped):
+def test_footprints_are_received_and_published_first(peer, looped):
     """They do not wait for the obstacles that arrived with them."""
-    peer, looped = looped
     receiver = Recorder()
     arrive(peer, flood=20, other=1)
     with looped(receiver) as one:
@@ -181,9 +176,8 @@ def test_footprints_are_received_and_published_first(looped):
     assert receiver.names[0] == 'other' and receiver.batches[0] == 1
 
 
-def test_footprint_is_published_between_batches(looped):
+def test_footprint_is_published_between_batches(peer, looped):
     """It waits for the current batch of obstacles, not for all that are queued."""
-    peer, looped = looped
     receiver = Recorder()
     receive = receiver.receive
 
@@ -201,9 +195,8 @@ def test_footprint_is_published_between_batches(looped):
 
 
 @pytest.mark.parametrize('topic', ['flood', 'other'])
-def test_messages_come_before_the_next_part_of_what_can_wait(looped, topic):
+def test_messages_come_before_the_next_part_of_what_can_wait(peer, looped, topic):
     """Where there is more to do the loop does not wait, and takes what has come meanwhile."""
-    peer, looped = looped
     receiver = Recorder()
     go_on = receiver.go_on
 
@@ -220,9 +213,8 @@ def test_messages_come_before_the_next_part_of_what_can_wait(looped, topic):
     assert names == ['part'] * 11 + [topic] + ['part'] * 19
 
 
-def test_event_is_handled_at_once(looped):
+def test_event_is_handled_at_once(peer, looped):
     """It does not wait for the next tick."""
-    peer, looped = looped
     receiver = Recorder(are_put_off=True)
     receiver.due = lambda now, steady: receiver.ticked + 10.0
     matched = []
@@ -241,9 +233,8 @@ def test_event_is_handled_at_once(looped):
     assert matched and receiver.ticks == 1
 
 
-def test_long_messages_are_received_one_by_one(looped):
+def test_long_messages_are_received_one_by_one(peer, looped):
     """Each may take long to check, however many short ones were received together before."""
-    peer, looped = looped
     receiver = Recorder()
     together = []
     receive = receiver.receive
@@ -261,9 +252,8 @@ def test_long_messages_are_received_one_by_one(looped):
     assert max(sum(size > 10_000 for size in sizes) for sizes in together) == 1
 
 
-def test_new_publisher_is_reported_before_its_first_message(looped):
+def test_new_publisher_is_reported_before_its_first_message(peer, looped):
     """Once for each, whether its messages come alone or in a batch."""
-    peer, looped = looped
     receiver = Recorder()
     with looped(receiver) as one:
         one.run(lambda: receiver.ticks > 2)
@@ -274,9 +264,8 @@ def test_new_publisher_is_reported_before_its_first_message(looped):
     assert receiver.begun == ['other', 'flood']
 
 
-def test_new_publisher_in_the_middle_of_a_queue(looped):
+def test_new_publisher_in_the_middle_of_a_queue(peer, looped):
     """Earlier messages are received first, then the publisher is reported, then its messages."""
-    peer, looped = looped
     receiver = Recorder()
     begin = receiver.begin_stream
     receiver.begin_stream = lambda name: (receiver.names.append('begin'), begin(name))
@@ -292,9 +281,8 @@ def test_new_publisher_in_the_middle_of_a_queue(looped):
     assert names == ['begin', *3 * ['flood'], 'begin', *30 * ['flood']]
 
 
-def test_stop_is_not_delayed_by_a_flood(looped):
+def test_stop_is_not_delayed_by_a_flood(peer, looped):
     """The condition to end is checked after each turn."""
-    peer, looped = looped
     receiver = Recorder(0.001)
     arrive(peer, flood=500)
     with looped(receiver) as one:
@@ -354,7 +342,6 @@ def test_backlog_estimates_the_queued_messages(monkeypatch, depth, expected):
     ('flood', 5, None), ('flood', 500, 'to be ended'), ('other', 500, 'asleep')])
 def test_loop_rests_only_if_messages_are_frequent(looped, domain, monkeypatch, topic, rate, how):
     """A rest without more messages only delays answers; one that always ends gathers none."""
-    peer, looped = looped
     rests = []
     clock = SimpleNamespace(**vars(time))
     clock.sleep = lambda seconds: rests.append(('asleep', seconds)) or time.sleep(seconds)
@@ -378,9 +365,8 @@ def seldom_after(receiver, ticks):
     return lambda now, steady: receiver.ticked + (30.0 if receiver.ticks > ticks else 0.05)
 
 
-def test_footprint_ends_a_rest(looped, domain, monkeypatch):
+def test_footprint_ends_a_rest(peer, looped, domain, monkeypatch):
     """It is received at once; obstacles are received together later."""
-    peer, looped = looped
     rest = loop.WaitSet.rest
     rests = []
 
@@ -414,7 +400,6 @@ def test_footprint_ends_a_rest(looped, domain, monkeypatch):
 
 def test_footprints_do_not_prolong_a_rest(looped, domain):
     """Obstacles are received when it is over, however often footprints end it."""
-    peer, looped = looped
     receiver = Recorder()
     receiver.due = seldom_after(receiver, 5)
     with looped(receiver, delay=0.5) as one, streaming(domain, 'flood', 500):
@@ -426,9 +411,8 @@ def test_footprints_do_not_prolong_a_rest(looped, domain):
     assert max(others) < 10
 
 
-def test_other_subscriptions_are_served_after_each_rest(looped, domain):
+def test_other_subscriptions_are_served_after_each_rest(peer, looped, domain):
     """As /clock, which must not wait for a tick."""
-    peer, looped = looped
     receiver = Recorder()
     receiver.due = seldom_after(receiver, 5)
     received = []
@@ -443,9 +427,8 @@ def test_other_subscriptions_are_served_after_each_rest(looped, domain):
     assert received
 
 
-def test_single_message_is_a_batch_of_its_own(looped):
+def test_single_message_is_a_batch_of_its_own(peer, looped):
     """Messages that arrive meanwhile make one batch."""
-    peer, looped = looped
     receiver = Recorder(are_put_off=True)
     receive = receiver.receive
 
@@ -466,9 +449,8 @@ def test_single_message_is_a_batch_of_its_own(looped):
     assert receiver.batches[0] == 1 and sum(receiver.batches) == 21
 
 
-def test_messages_can_delay_a_tick(looped):
+def test_messages_can_delay_a_tick(peer, looped):
     """The loop asks when the next tick is due after each batch."""
-    peer, looped = looped
     receiver = Recorder(are_put_off=True)
     with looped(receiver) as one:
         one.run(lambda: receiver.ticks > 2)
@@ -481,8 +463,7 @@ def test_messages_can_delay_a_tick(looped):
     assert receiver.ticks == ticks
 
 
-def test_rest_ends_when_a_tick_is_due(looped):
-    peer, looped = looped
+def test_rest_ends_when_a_tick_is_due(peer, looped):
     receiver = Recorder()
     arrive(peer, flood=10)
     begun = time.monotonic()
@@ -509,18 +490,16 @@ class Prompter(Recorder):
         super().tick(now)
 
 
-def test_messages_that_arrive_after_the_wait_are_received_before_a_tick(looped):
+def test_messages_that_arrive_after_the_wait_are_received_before_a_tick(peer, looped):
     """Also those of a topic that had no messages during the wait."""
-    peer, looped = looped
     receiver = Prompter(peer)
     with looped(receiver) as one:
         one.run(lambda: receiver.ticks > 5)
 
 
 @pytest.mark.parametrize('rate', (5, 500))
-def test_service_is_answered(looped, domain, rate):
+def test_service_is_answered(peer, looped, domain, rate):
     """With and without rests."""
-    peer, looped = looped
     receiver = Recorder()
     client = peer.node.create_client(ListParameters, '/receiver/list_parameters')
     with looped(receiver, delay=0.02) as one, streaming(domain, 'flood', rate):
@@ -532,9 +511,8 @@ def test_service_is_answered(looped, domain, rate):
 
 
 @pytest.mark.parametrize('turns_before', (0, 5))
-def test_other_subscriptions_are_served(looped, turns_before):
+def test_other_subscriptions_are_served(peer, looped, turns_before):
     """Also one that the node creates while it runs."""
-    peer, looped = looped
     receiver = Recorder()
     received = []
     with looped(receiver) as one:

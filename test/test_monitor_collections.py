@@ -89,12 +89,15 @@ def test_polygons_that_are_far_are_placed_together_from_the_first_message_on(mon
     assert world.monitor.scene.nearest('robot', apart=True).separation == 0.5
 
 
-def test_numbers_are_not_needed():
+@pytest.mark.parametrize('changes, message', [
+    ({}, lambda ring: collection([ring], NOW)),
+    ({'type': 'polygon', 'set_end': 'each_message'}, lambda ring: serialised(ring, NOW))],
+    ids=['collection', 'each message'])
+def test_numbers_are_not_needed(changes, message):
     """A middleware may give none."""
-    world = Collections()
+    world = Collections(**changes)
     for place, status in ((5, 'clear'), (0.5, 'collision'), (5, 'clear')):
-        message = collection([box(place)], NOW)
-        assert world.monitor.receive('lidar', message, NOW, None) is None
+        assert world.monitor.receive('lidar', message(box(place)), NOW, None) is None
         assert world.status == status
 
 
@@ -233,12 +236,3 @@ def test_without_numbers_only_sets_in_one_message_are_known(changes, assumed):
         assert not faults and summary.endswith('assuming that none was lost')
     else:
         assert 'rmw_example' in faults and 'assume_no_loss: true' in faults
-
-
-def test_messages_of_footprints_need_no_numbers():
-    """Each is whole in one message, and so is a set of one where that is declared."""
-    world = Collections(type='polygon', set_end='each_message')
-    for place, status in ((5, 'clear'), (0.5, 'collision'), (5, 'clear')):
-        message = serialised(box(place), NOW)
-        assert world.monitor.receive('lidar', message, NOW, None) is None
-        assert world.status == status

@@ -16,8 +16,7 @@ from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.footprints import Footprint
 from sat_collision.scene.obstacle_store import KeyedGroup, ObstacleStore
 from sat_collision.scene.obstacles import Obstacle
-from stage import (
-    CART, INSTANCES, ROBOT, square, Stage, UNTIMED_LIDAR, UNTIMED_ROBOT, with_robot)
+from stage import CART, INSTANCES, ROBOT, square, with_robot
 
 
 @pytest.fixture
@@ -142,20 +141,6 @@ def test_nearest_excludes_given_obstacles(contacts, robot):
     assert contacts.nearest(robot)[:2] == (touching, -0.5)
     assert contacts.nearest(robot, [touching])[:2] == (apart, 2.0)
     assert contacts.nearest(robot, [touching, apart]) is None
-
-
-def test_gap_within_the_margin_is_a_collision():
-    """The gap is 0.5 m; the margin is changed while the scene runs."""
-    stage = Stage(UNTIMED_LIDAR, footprints=(UNTIMED_ROBOT,), margin=0.5)
-    stage.robot()
-    stage.send(1.5)
-    assert stage.status() == 'collision'
-    for margin, status in ((0.25, 'clear'), (0.75, 'collision'), (0.0, 'clear')):
-        stage.scene.update(replace(stage.settings, margin=margin))
-        assert stage.status() == status
-    stage.wait_until(1)
-    stage.robot(0.5)
-    assert stage.status() == 'collision'
 
 
 def test_contacts_are_sorted_by_name_and_place():

@@ -113,15 +113,6 @@ def test_next_set_with_the_same_contacts_is_no_change():
     assert [contact.key for contact in stage.state().contacts] == [0, 1]
 
 
-def test_state_that_changed_and_changed_back_is_no_change():
-    stage = clear_stage()
-    stage.scene.take_changes()
-    stage.send(0.5)
-    stage.wait_until(0.1)
-    stage.send(20, 30)
-    assert stage.scene.take_changes().changed == []
-
-
 def test_collision_between_two_reports_is_a_brief_contact():
     """A collision that lasts, or was already reported, is not brief."""
     stage = clear_stage()

@@ -69,30 +69,6 @@ def test_each_footprint_has_its_own_status():
     assert (stage.status('robot'), stage.status('cart')) == ('clear', 'collision')
 
 
-def test_contact_ends_when_its_obstacle_times_out():
-    stage = Stage(footprints=[UNTIMED_ROBOT])
-    stage.robot()
-    stage.see(0.5)
-    assert stage.status() == 'collision'
-    stage.wait_until(2.001)
-    assert stage.status() == 'unknown'
-    assert stage.state().contacts == ()
-
-
-def test_collision_takes_precedence_over_unknown():
-    """The reasons for unknown are still given."""
-    stage = Stage(LIDAR, RADAR)
-    stage.robot()
-    stage.send(0.5)
-    assert stage.status() == 'collision'
-    assert stage.state().reasons == ('obstacle source radar on /radar has not sent anything yet',)
-    stage.wait_until(0.1)
-    stage.see(5)
-    assert stage.status() == 'collision'
-    stage.end()
-    assert stage.status() == 'unknown'
-
-
 def test_disabled_scene_is_unknown_but_still_receives():
     stage = clear_stage()
     stage.scene.update(replace(stage.settings, enabled=False))
@@ -194,8 +170,7 @@ START = 1000 * SECOND
 
 def test_older_set_replaces_a_newer_one_and_expires_sooner():
     """Its stamp is 1.8 s old on arrival, so it keeps the source known for 0.2 s."""
-    monitor = Monitor(Settings((FootprintSettings('robot', '/robot', timeout=0.0),),
-                               (LIDAR,)))
+    monitor = Monitor(Settings((FootprintSettings('robot', '/robot', timeout=0.0),), (LIDAR,)))
     monitor.receive('robot', serialised(box(0), START), START, 1)
     number = 0
     for now, stamp in ((START, START), (START + SECOND, START - 8 * SECOND // 10)):

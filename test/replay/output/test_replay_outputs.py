@@ -21,7 +21,7 @@ import textwrap
 
 from compiled import plain_python
 import pytest
-from recordings import box, check, drive, main, published, SOURCE, START, write
+from recordings import box, check, drive, published, SOURCE, START, write
 from rosbags.highlevel import AnyReader
 from sat_collision.replay.model.configuration import parameters_of_file
 from sat_collision.replay.model.result import Options
@@ -263,8 +263,9 @@ def test_texts_of_a_picture_do_not_overlap(made):
         assert not bounds.overlaps(covered), (text, other)
 
 
-@pytest.mark.parametrize('ending', ('png', 'svg', 'PDF'))
-def test_picture_of_the_same_result_is_the_same_file(tmp_path, monkeypatch, ending):
+@pytest.mark.parametrize('ending, begin', [
+    ('png', b'\x89PNG'), ('svg', b'<?xml'), ('PDF', b'%PDF-')])
+def test_picture_of_the_same_result_is_the_same_file(tmp_path, monkeypatch, ending, begin):
     """Neither the time of drawing nor random names are in it."""
     path = tmp_path / f'a.{ending}'
     pictures = set()
@@ -272,7 +273,8 @@ def test_picture_of_the_same_result_is_the_same_file(tmp_path, monkeypatch, endi
         monkeypatch.setenv('SOURCE_DATE_EPOCH', time)
         write_picture(of_long(), str(path))
         pictures.add(path.read_bytes())
-    assert len(pictures) == 1
+    picture, = pictures
+    assert picture.startswith(begin)
 
 
 def test_dollars_in_a_name_are_no_formula(tmp_path):
@@ -321,10 +323,3 @@ def test_short_contact_is_visible_on_a_long_axis():
     for axes in (curves, rows):
         bar, = (patch for patch in axes.patches if to_hex(patch.get_facecolor()) == RED)
         assert bar.get_window_extent().width >= 2.0
-
-
-@pytest.mark.parametrize('ending', ('pdf', 'svg'))
-def test_pictures_of_other_kinds_are_written(tmp_path, ending):
-    path = tmp_path / f'picture.{ending}'
-    main([str(write(tmp_path / 'bag', drive(2.0))), '--plot', str(path)])
-    assert path.read_bytes()[:5] in (b'%PDF-', b'<?xml')

@@ -15,7 +15,7 @@ from random import Random
 from builders import collection, odometry, SECOND, serialised, transforms
 import pytest
 from recordings import (
-    box, check, COLLECTION, declared, INSTANCE, MARKS, nanoseconds, SOURCE, STAMPS, write)
+    box, check, COLLECTION, declared, INSTANCE, MARKS, nanoseconds, POLYGON, SOURCE, STAMPS, write)
 from sat_collision.replay.model.configuration import settings_of
 from sat_collision.replay.model.result import HEADER, Options, Verdict
 from sat_collision.scene.parameters import ParameterError
@@ -23,6 +23,7 @@ from sat_collision.scene.parameters import ParameterError
 TYPES = {**dict.fromkeys(('/tf', '/tf_static'), 'tf2_msgs/msg/TFMessage'),
          '/odom': 'nav_msgs/msg/Odometry'}
 PARAMETERS = {'frame_id': 'odom', f'{SOURCE}.timeout': 0.3, **declared(STAMPS)}
+WITH_IDS = {'frame_id': 'odom', f'{SOURCE}.type': 'polygon_instance'}
 POST = [(0, 0), (0.25, 0), (0.25, 0.25), (0, 0.25)]
 
 
@@ -37,23 +38,22 @@ def drive(delay=0.04, end=6.0):
     The robot is a box ahead of its origin; its laser looks back. Transforms come at 20 Hz with
     a delay.
     """
-    messages = [(0.0, static())]
-    for k in range(round(end * 20)):
-        time = k / 20
-        messages.append((time + delay, (
-            '/tf', time + delay, transforms(('odom', 'base', nanoseconds(time), time, 0.0)))))
+    messages = [static(), *(
+        ('/tf', k / 20 + delay, transforms(('odom', 'base', nanoseconds(k / 20), k / 20, 0.0)))
+        for k in range(round(end * 20)))]
     for k in range(round(end * 10)):
         time = k / 10 + 0.03
         stamp = nanoseconds(time)
-        messages.append((time, ('/footprint', time, serialised(box(0), stamp, 'base'))))
-        seen = [(1 + time - x, -y) for x, y in ((3 + x, y) for x, y in POST)]
-        messages.append((time + 0.001, ('/obstacles', time + 0.001,
-                                        serialised(seen, stamp, 'laser'))))
-    return [message for _, message in sorted(messages, key=lambda pair: pair[0])]
+        seen = [(time - 2 - x, -y) for x, y in POST]
+        messages += [('/footprint', time, serialised(box(0), stamp, 'base')),
+                     ('/obstacles', time + 0.001, serialised(seen, stamp, 'laser'))]
+    return messages
 
 
-def run(path, messages, parameters=PARAMETERS, **options):
-    return check(write(path, messages, types=TYPES), Options(
+def run(path, messages, parameters=PARAMETERS, kind=POLYGON, latched=(), **options):
+    """Check messages, with a kind of obstacles, which may be latched."""
+    bag = write(path, messages, types={**TYPES, '/obstacles': kind}, latched=latched)
+    return check(bag, Options(
         parameters=parameters, obstacles=[f'{SOURCE}:=/obstacles'], **options))
 
 
@@ -112,10 +112,8 @@ def test_transforms_that_are_far_apart_place_what_is_received_late(tmp_path, as_
         messages += [('/footprint', k / 10, serialised(box(0), stamp, 'odom')),
                      ('/obstacles', k / 10 + 0.5, serialised(box(5), stamp, 'laser', 1))]
     messages.append(('/obstacles', 4.5, serialised(box(0.5), nanoseconds(4.0), 'laser', 2)))
-    result = check(write(tmp_path / 'bag', messages, types={**TYPES, '/obstacles': INSTANCE}),
-                   Options(parameters={'frame_id': 'odom', f'{SOURCE}.type': 'polygon_instance'},
-                           footprints=['footprint:=/footprint'],
-                           obstacles=[f'{SOURCE}:=/obstacles'], as_live=as_live))
+    result = run(tmp_path / 'bag', messages, WITH_IDS, INSTANCE, as_live=as_live,
+                 footprints=['footprint:=/footprint'])
     assert [one.obstacle for one in result.contacts] == [f'{SOURCE}/2']
     assert not any(source.rejected for source in result.sources)
 
@@ -249,13 +247,11 @@ def test_recording_of_a_loop(tmp_path):
     """The stamps begin again."""
     once = turn([post_passed_at(0.61)], every=0.1)
     again = [(topic, time + 10.0, data) for topic, time, data in once]
-    result = run(tmp_path / 'bag', [*once, *again], WITH_ARM)
-    assert result.problems == []
+    assert run(tmp_path / 'bag', [*once, *again], WITH_ARM).problems == []
 
 
 def test_missing_tf_is_unknown(tmp_path):
-    messages = [see((50, 50)), see((50, 50), 3.0)]
-    result = run(tmp_path / 'bag', messages, WITH_ARM)
+    result = run(tmp_path / 'bag', [see((50, 50)), see((50, 50), 3.0)], WITH_ARM)
     assert result.verdict is Verdict.UNKNOWN
     assert any(note.startswith('footprint: the recording has no topic /tf')
                for note in result.notes)
@@ -276,9 +272,8 @@ def test_map_is_unknown_once_its_frame_is_too_old(tmp_path, as_live):
                   for points in (box(9), [])),
                 *(('/footprint', k / 10, serialised(box(0), nanoseconds(k / 10), 'odom'))
                   for k in range(20))]
-    bag = write(tmp_path / 'bag', messages, types=TYPES, latched=['/obstacles'])
-    result = check(bag, Options(as_live=as_live, obstacles=[f'{SOURCE}:=/obstacles'], parameters={
-        'frame_id': 'odom', f'{SOURCE}.timeout': 0.0, **declared(MARKS)}))
+    result = run(tmp_path / 'bag', messages, {**PARAMETERS, f'{SOURCE}.timeout': 0.0,
+                 **declared(MARKS)}, latched=['/obstacles'], as_live=as_live)
     assert [(seconds(one.first), seconds(one.last)) for one in result.unknown if (
         'transform is too old' in one.reasons[0])] == [(1.000000001, 1.9)]
 
@@ -301,12 +296,11 @@ def test_map_moves_with_its_frame(tmp_path, kind, as_live):
         messages += [('/tf', time, transforms(
             ('odom', 'site', nanoseconds(time), 0.5 if 2 <= time < 3 else 10.0, 0.0))),
             ('/footprint', time, serialised(box(0), nanoseconds(time), 'odom'))]
-    types = {'ids': INSTANCE, 'collections': COLLECTION}
-    bag = write(tmp_path / 'bag', messages, latched=['/obstacles'], types={
-        **TYPES, **({'/obstacles': types[kind]} if kind in types else {})})
-    result = check(bag, Options(as_live=as_live, obstacles=[f'{SOURCE}:=/obstacles'], parameters={
-        'frame_id': 'odom', f'{SOURCE}.timeout': 0.0, **(
-            declared(MARKS) if ends else {f'{SOURCE}.type': 'polygon_collection'})}))
+    parameters = {'frame_id': 'odom', f'{SOURCE}.timeout': 0.0, **(
+        declared(MARKS) if ends else {f'{SOURCE}.type': 'polygon_collection'})}
+    result = run(tmp_path / 'bag', messages, parameters,
+                 {'polygons': POLYGON, 'ids': INSTANCE, 'collections': COLLECTION}[kind],
+                 latched=['/obstacles'], as_live=as_live)
     assert result.problems == []
     assert [(seconds(one.first), seconds(one.last)) for one in result.contacts] == [
         (2.0, pytest.approx(3.0, abs=1e-6)), (4.5, pytest.approx(4.9, abs=1e-2))]
@@ -334,8 +328,7 @@ def test_corrected_static_transform_counts_from_then_on(tmp_path, as_live, clock
         messages += [(topic, time, serialised(points, nanoseconds(time), frame_id))
                      for topic, points, frame_id in (('/obstacles', box(0), 'site'),
                                                      ('/footprint', box(0), 'odom'))]
-    result = run(tmp_path / 'bag', messages, clock=clock, as_live=as_live, start=start)
-    contact, = result.contacts
+    contact, = run(tmp_path / 'bag', messages, clock=clock, as_live=as_live, start=start).contacts
     assert 1.9 <= seconds(contact.first) <= 2.2 and 2.9 <= seconds(contact.last) <= 3.2
 
 
@@ -348,11 +341,9 @@ def test_outline_jumps_with_a_corrected_static_transform(tmp_path, as_live, x, c
     messages += [('/obstacles', k / 20, serialised(points, nanoseconds(k / 20), 'odom', number))
                  for k in range(1, 80) for number, points in ((1, box(5, 50)), (2, box(x)))
                  if number == 1 or 42 <= k < 54]
-    result = check(write(tmp_path / 'bag', messages, types={**TYPES, '/obstacles': INSTANCE}),
-                   Options(parameters={
-                       'frame_id': 'odom', 'footprints': ['robot'], 'robot.radius': 0.5,
-                       'robot.frame_id': 'base', f'{SOURCE}.type': 'polygon_instance'},
-                       obstacles=[f'{SOURCE}:=/obstacles'], as_live=as_live))
+    result = run(tmp_path / 'bag', messages, {
+        **WITH_IDS, 'footprints': ['robot'], 'robot.radius': 0.5, 'robot.frame_id': 'base'},
+        INSTANCE, as_live=as_live)
     assert [seconds(time) for one in result.contacts for time in (one.first, one.last)] == (
         pytest.approx(contacts, abs=0.01))
 
@@ -371,10 +362,8 @@ def test_simulation_that_was_reset_is_seen_by_its_transforms(tmp_path, as_live):
     messages += [('/tf', k / 10, transforms(
         ('odom', 'base', nanoseconds((k - (4 if k > 30 else 0)) / 10), 0.0, 0.0)))
         for k in range(60)]
-    bag = write(tmp_path / 'bag', messages, types=TYPES, latched=['/obstacles'])
-    result = check(bag, Options(as_live=as_live, clock=HEADER, obstacles=[
-        f'{SOURCE}:=/obstacles'], parameters={
-        **WITH_ARM, f'{SOURCE}.timeout': 0.0, **declared(MARKS)}))
+    result = run(tmp_path / 'bag', messages, WITH_ARM, latched=['/obstacles'], as_live=as_live,
+                 clock=HEADER)
     problem, = result.problems
     assert "the stamps of frame 'base' on /tf go back by 0.3 s" in problem
     assert result.verdict is Verdict.BAD_INPUT

@@ -91,24 +91,18 @@ def test_import_and_replay_without_write_access(start, place, arguments):
     assert len(lines) == COMPILED and 'Traceback' not in output, output
 
 
-def test_node_without_a_compiler(start, place):
-    """The log names plain Python as its kernel, without a warning."""
-    (place / 'numba.py').write_text("raise ModuleNotFoundError('no numba', name='numba')")
+@pytest.mark.parametrize('broken', [False, True], ids=['missing', 'broken'])
+def test_node_without_a_compiler(start, place, broken):
+    """The log names plain Python as its kernel, with a warning only if it is broken."""
+    if broken:
+        pytest.importorskip('numba')
+        (place / 'llvmlite.py').write_text("raise OSError('no libllvmlite.so')")
+    else:
+        (place / 'numba.py').write_text("raise ModuleNotFoundError('no numba', name='numba')")
     node = start('-m', 'sat_collision.node')
     text = ''.join(lines_until(node, 'on /obstacles'))
-    assert 'kernels (plain Python) ready' in text and 'WARN' not in text
-    node.terminate()
-    assert node.wait(60) == 0
-
-
-def test_node_with_a_broken_compiler(start, place):
-    """It runs in plain Python; the log says why."""
-    (place / 'llvmlite').mkdir()
-    (place / 'llvmlite' / '__init__.py').write_text("raise OSError('no libllvmlite.so')")
-    pytest.importorskip('numba')
-    node = start('-m', 'sat_collision.node')
-    text = ''.join(lines_until(node, 'on /obstacles'))
-    assert 'plain Python: OSError: no libllvmlite.so' in text and 'ready' in text
+    assert 'ready' in text and ('WARN' in text) is broken
+    assert ('plain Python: OSError: no libllvmlite.so' if broken else '(plain Python)') in text
     node.terminate()
     assert node.wait(60) == 0
 
@@ -243,8 +237,7 @@ sys.exit(__main__.main([]))
 
 def children(pid):
     """Return the processes that a process has started."""
-    return [int(child) for child in
-            Path(f'/proc/{pid}/task/{pid}/children').read_text().split()]
+    return [int(child) for child in Path(f'/proc/{pid}/task/{pid}/children').read_text().split()]
 
 
 def is_running(pid):

@@ -72,26 +72,17 @@ def test_shipped_parameter_file_has_the_defaults(declare):
     assert len(node._parameter_overrides) == NUMBER
 
 
-def test_nav2_parameter_file_has_nav2s_footprint(declare):
-    """In the local costmap's frame."""
-    _, parameters = declare(cli_args=['--ros-args', '--params-file', str(CONFIG / 'nav2.yaml')])
-    footprint, = parameters.settings.footprints
-    assert footprint.topic == '/local_costmap/published_footprint'
-    assert parameters.settings.frame_id == 'odom'
-
-
-def test_outline_parameter_file_has_an_outline(declare):
-    _, parameters = declare(cli_args=['--ros-args', '--params-file', str(CONFIG / 'outline.yaml')])
-    footprint, = parameters.settings.footprints
-    assert footprint.has_outline and footprint.frame_id == 'base_link'
-    assert footprint.topic == '/tf' and parameters.settings.frame_id == 'odom'
-
-
-@pytest.mark.parametrize('name', ('fleet', 'nav2', 'outline'))
-def test_parameter_files_declare_what_ends_a_set(declare, name):
-    """So no obstacle leaves a trail."""
+@pytest.mark.parametrize('name, topic, outline_in, frame_id', [
+    ('fleet', '/robot1/local_costmap/published_footprint', '', 'map'),
+    ('nav2', '/local_costmap/published_footprint', '', 'odom'),
+    ('outline', '/tf', 'base_link', 'odom')])
+def test_other_parameter_files(declare, name, topic, outline_in, frame_id):
+    """They declare what ends a set, so no obstacle leaves a trail."""
     _, parameters = declare(cli_args=['--ros-args', '--params-file', str(CONFIG / f'{name}.yaml')])
-    assert 'none' not in [source.ending for source in parameters.settings.obstacles]
+    settings, footprint = parameters.settings, parameters.settings.footprints[0]
+    assert 'none' not in [source.ending for source in settings.obstacles]
+    assert (footprint.topic, footprint.frame_id, footprint.has_outline, settings.frame_id) == (
+        topic, outline_in, bool(outline_in), frame_id)
 
 
 OUTLINE = {'frame_id': 'odom', 'footprint.frame_id': 'base', 'footprint.points': [0.0, 0.0]}
@@ -153,8 +144,7 @@ def test_no_parameter_is_a_prefix_of_another(declare):
     """Such a parameter could not be written to a parameter file."""
     node, _ = declare({'footprints': ['a', 'b'], 'obstacles': ['c', 'obstacle']})
     names = parameters_of(node)
-    assert not [name for name in names
-                if any(other.startswith(f'{name}.') for other in names)]
+    assert not [name for name in names if any(other.startswith(f'{name}.') for other in names)]
 
 
 def test_no_source_is_named_like_a_parameter(declare):
@@ -162,8 +152,7 @@ def test_no_source_is_named_like_a_parameter(declare):
     node, parameters = declare()
     node.create_subscription(Bool, 'topic', lambda _: None, 1,
                              qos_overriding_options=QoSOverridingOptions.with_default_policies())
-    sources = {'footprint', 'obstacle'}
-    taken = {name.split('.')[0] for name in parameters_of(node)} - sources
+    taken = {name.split('.')[0] for name in parameters_of(node)} - {'footprint', 'obstacle'}
     assert {'margin', 'obstacles', 'use_sim_time', 'qos_overrides'} <= taken
     for name in taken:
         for kind in ('footprints', 'obstacles'):
@@ -352,8 +341,7 @@ def test_start_from_a_dump(start, tmp_path, namespace):
     """All parameters are the same again."""
     node = f'{namespace}/footprint_monitor'
     remapped = ('-r', f'__ns:={namespace}') if namespace else ()
-    first = start(remapped)
-    dumped = dump(first, node)
+    dumped = dump(start(remapped), node)
     assert 'footprint.timeout' in dumped and dumped['use_sim_time'] is False
     path = tmp_path / 'dump.yaml'
     path.write_text(yaml.dump({node: {'ros__parameters': nested(dumped)}}))

@@ -99,13 +99,20 @@ def test_progress_of_several_jobs_counts_recordings(bags, monkeypatch):
     assert shown == [0.25, 0.5, 0.75]
 
 
-@pytest.mark.long
-@pytest.mark.parametrize('fault', (dies, fails))
-def test_lost_process_is_retried(bags, tmp_path, monkeypatch, fault):
+def checked(bags, options, request, on_cluster):
+    """Return the results of several processes, here or on a cluster."""
+    return [*(parallel.check_on_cluster(bags, options, request.getfixturevalue('cluster'))
+              if on_cluster else parallel.check_here(bags, options, 2))]
+
+
+@pytest.mark.parametrize('fault, on_cluster', [(dies, True), *(
+    pytest.param(*one, marks=pytest.mark.long)
+    for one in ((fails, True), (dies, False), (fails, False)))])
+def test_lost_process_is_retried(bags, tmp_path, monkeypatch, request, fault, on_cluster):
     """No result is lost or doubled."""
     monkeypatch.setattr(parallel, 'check_one', functools.partial(
         faulty, marks=str(tmp_path), fault=fault))
-    results = list(parallel.check_here(bags, OPTIONS, 2))
+    results = checked(bags, OPTIONS, request, on_cluster)
     assert sorted(result.bag for result in results) == bags
     assert all(not result.problems for result in results)
 
@@ -124,8 +131,7 @@ def with_a_bag(path, options, marks):
 def test_bag_of_a_lost_process_is_written_anew(bags, tmp_path, monkeypatch, request, on_cluster):
     monkeypatch.setattr(parallel, 'check_one', functools.partial(with_a_bag, marks=str(tmp_path)))
     options = replace(OPTIONS, as_live=True, write_bag=str(tmp_path / 'out'))
-    results = (parallel.check_on_cluster(bags, options, request.getfixturevalue('cluster'))
-               if on_cluster else parallel.check_here(bags, options, 2))
+    results = checked(bags, options, request, on_cluster)
     assert [result.problems for result in results] == [[]] * 4
     for bag in bags:
         assert check(tmp_path / 'out' / Path(bag).name).problems == []
@@ -182,15 +188,6 @@ def test_recording_that_kills_every_process(bags, tmp_path, monkeypatch):
 def test_cluster_gives_the_same_results(bags, cluster):
     alone = [parallel.check_one(bag, OPTIONS) for bag in bags]
     assert summed(parallel.check_on_cluster(bags, OPTIONS, cluster)) == summed(alone)
-
-
-@pytest.mark.parametrize('fault', (dies, pytest.param(fails, marks=pytest.mark.long)))
-def test_lost_worker_is_retried(bags, tmp_path, monkeypatch, cluster, fault):
-    monkeypatch.setattr(parallel, 'check_one', functools.partial(
-        faulty, marks=str(tmp_path), fault=fault))
-    results = list(parallel.check_on_cluster(bags, OPTIONS, cluster))
-    assert sorted(result.bag for result in results) == bags
-    assert all(not result.problems for result in results)
 
 
 @pytest.mark.long

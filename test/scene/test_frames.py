@@ -30,10 +30,6 @@ def nanoseconds(seconds):
     return START + round(seconds * SECOND)
 
 
-def rolled(degrees):
-    return math.sin(math.radians(degrees) / 2), 0.0, 0.0, math.cos(math.radians(degrees) / 2)
-
-
 class Tree:
     """Frames with short methods to insert transforms and look up positions."""
 
@@ -147,18 +143,11 @@ def test_loop_is_named(tree):
     back = 'no transform from odom to c: the parents of c lead in a circle: c, b, d, a'
     assert tree.where('odom', 0.5, target='c') == (frames.LOOP, back, True)
     assert tree.newest('odom', -9, target='c') == (frames.LOOP, back, True)
+    # The two chains meet, but there is no root.
+    assert tree.where('a', 0.5, target='c').reason == frames.LOOP
     assert tree.where('c', 0.5, target='a') == 0.0
     tree.static('odom', 'b', 7.0)
     assert tree.where('c', 0.5) == 7.0
-
-
-def test_lookup_within_a_loop_fails(tree):
-    """The two chains meet, but there is no root."""
-    tree.static('b', 'a')
-    tree.static('d', 'b')
-    tree.static('a', 'd')
-    tree.static('b', 'c')
-    assert tree.where('a', 0.5, target='c').reason == frames.LOOP
 
 
 @pytest.mark.parametrize('was_static', [False, True])
@@ -212,7 +201,8 @@ def test_static_frames_have_no_age(tree):
                                            (90, False), (180, True), (176, True), (174, False)])
 def test_tilted_frame_is_not_projected(degrees, good):
     tree = Tree()
-    tree.static('odom', 'ramp', 1.0, rolled(degrees))
+    half = math.radians(degrees) / 2
+    tree.static('odom', 'ramp', 1.0, (math.sin(half), 0.0, 0.0, math.cos(half)))
     found = tree.lookup_affine('ramp', 0)
     assert isinstance(found, Mapped) == good
     if good:

@@ -28,9 +28,9 @@ SOURCE = ObstacleSettings('lidar', '/polygons', type='polygon_instance', timeout
 class OutlineWorld(World):
     """A monitor with outlines and one far obstacle."""
 
-    def __init__(self, *footprints, transforms=True, **more):
+    def __init__(self, *footprints, tracks_motion=False, **more):
         super().__init__(Settings(frame_id='odom', footprints=footprints or (ROBOT,),
-                                  obstacles=(SOURCE,), **more), transforms)
+                                  obstacles=(SOURCE,), **more), tracks_motion=tracks_motion)
         self.wait_until(0.0)
         self.send_map('lidar', box(50.0))
 
@@ -56,8 +56,7 @@ def test_age_is_that_of_the_transform():
     world.wait_until(1.1)
     assert world.status() == 'clear'
     world.wait_until(1.1000001)
-    assert world.state().reasons == (
-        'footprint robot on /tf is older than its timeout of 1 s',)
+    assert world.state().reasons == ('footprint robot on /tf is older than its timeout of 1 s',)
 
 
 def test_age_is_that_of_the_oldest_transform_in_the_chain():
@@ -338,8 +337,7 @@ def test_pose_in_a_gap_between_transforms_is_refused():
 @pytest.mark.parametrize('parent', ['odom', 'earth'])
 def test_odometry_of_another_body_is_refused(parent):
     """The outline is placed by /tf; the velocity of another robot is not its own."""
-    world = OutlineWorld(replace(ROBOT, topic='/odom', odometry='/odom'))
-    world.scene.tracks_motion = True
+    world = OutlineWorld(replace(ROBOT, topic='/odom', odometry='/odom'), tracks_motion=True)
     for time in (0.1, 0.2):
         world.receive_odometry(time, 9.0, child='other', parent=parent, twist=(5.0, 0.0, 0.0))
         world.move(time, time)

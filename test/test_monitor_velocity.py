@@ -41,8 +41,7 @@ def test_velocity_by_transforms():
 
 def test_velocity_by_odometry():
     """In the message's child frame, to which the outline's frame may be fixed."""
-    world = OutlineWorld(replace(ROBOT, odometry='odometry', frame_id='body'))
-    world.scene.tracks_motion = True
+    world = OutlineWorld(replace(ROBOT, odometry='odometry', frame_id='body'), tracks_motion=True)
     world.receive_transforms(TF_STATIC, ('base', 'body', 0, 0.5, 0.0))
     world.receive_odometry(0.1, 1.0, 2.0, 0.5, twist=(0.7, 0.1, -0.2))
     assert world.scene.velocity('robot') == (
@@ -55,8 +54,7 @@ def test_velocity_by_odometry():
                          ids=['odometry', 'command', 'transforms'])
 def test_velocity_in_a_frame_that_is_upside_down(by):
     """To the right and turning right, in a frame with y to the right and z down."""
-    world = OutlineWorld(replace(ROBOT, **by))
-    world.scene.tracks_motion = True
+    world = OutlineWorld(replace(ROBOT, **by), tracks_motion=True)
     world.receive_transforms(TF_STATIC, ('odom', 'ned', 0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0))
     for time in (0.0, 0.1):
         if 'odometry' in by:
@@ -65,8 +63,7 @@ def test_velocity_in_a_frame_that_is_upside_down(by):
             world.move(time, 0.0, time, 0.2 * time, parent='ned')
     if 'cmd_vel' in by:
         world.monitor.receive('robot.cmd_vel', command(0, 1.0, 0.2, world.now), world.now)
-    velocity = world.scene.velocity('robot')
-    after = velocity.carry(world.scene.polygon('robot').vertices, 0.01)
+    after = world.scene.velocity('robot').carry(world.scene.polygon('robot').vertices, 0.01)
     world.move(0.11, 0.0, 0.11, 0.022, parent='ned')
     assert after == pytest.approx(world.scene.polygon('robot').vertices, abs=1e-3)
 
@@ -85,8 +82,7 @@ def test_odometry_of_a_base_gives_no_velocity_of_what_turns_on_it():
 
 def test_old_odometry_gives_no_velocity():
     """It said that the robot stands and is silent; another publisher moves its frame at 1 m/s."""
-    world = OutlineWorld(replace(ROBOT, odometry='odometry'))
-    world.scene.tracks_motion = True
+    world = OutlineWorld(replace(ROBOT, odometry='odometry'), tracks_motion=True)
     world.receive_odometry(0.0, 0.0, twist=(0.0, 0.0, 0.0))
     origins = []
     for k in range(1, 12):
@@ -97,8 +93,7 @@ def test_old_odometry_gives_no_velocity():
 
 def test_changed_outline_is_no_motion():
     """It is shifted back by 0.1 m while the robot drives at 1 m/s."""
-    world = OutlineWorld()
-    world.scene.tracks_motion = True
+    world = OutlineWorld(tracks_motion=True)
     for k in range(3):
         world.move(k / 10, k / 10)
     world.use(points=tuple(v - 0.1 * (k % 2 == 0) for k, v in enumerate(ROBOT.points)))
@@ -108,8 +103,7 @@ def test_changed_outline_is_no_motion():
 
 
 def test_velocity_in_a_static_frame_is_0():
-    world = OutlineWorld()
-    world.scene.tracks_motion = True
+    world = OutlineWorld(tracks_motion=True)
     world.receive_transforms(TF_STATIC, ('odom', 'base', 0, 3.0, 0.0))
     assert world.scene.velocity('robot').twist == (0, 0, 0)
 
@@ -139,8 +133,7 @@ def test_footprints_that_share_odometry_have_its_last_velocity():
 
     One stamped ahead, or before the clock went back a little, does not shut out the next.
     """
-    world = OutlineWorld(BY_ODOMETRY, replace(BY_ODOMETRY, name='load'))
-    world.scene.tracks_motion = True
+    world = OutlineWorld(BY_ODOMETRY, replace(BY_ODOMETRY, name='load'), tracks_motion=True)
     for time, speed, ahead in ((1.1, 0.0, 0.9), (1.2, 1.0, 0.0), (0.9, 2.0, 0.0)):
         world.wait_until(time)
         data = odometry('odom', 'base', nanoseconds(time + ahead), time, 0.0,

@@ -31,13 +31,19 @@ def send_pair(monitor, obstacle, stamp):
     monitor.send_set('obstacles', obstacle, stamp=stamp)
 
 
+def begin(monitor, obstacle, state):
+    """Let the simulated time begin, and the monitor be in a state by an obstacle."""
+    monitor.set_clock(HOUR)
+    send_pair(monitor, obstacle, HOUR)
+    monitor.await_state(state)
+
+
 def test_unknown_before_the_first_clock(start):
     """States are published nevertheless."""
     monitor = start(use_sim_time=True)
     send_pair(monitor, APART, HOUR)
     monitor.until(lambda: monitor.received.total() == 3)
-    status = monitor.await_state('unknown')
-    assert 'clock' in values(status)['reason']
+    assert 'clock' in values(monitor.await_state('unknown'))['reason']
     monitor.until(lambda: monitor.flag() and monitor.flag('footprint'))
     count = len(monitor.listen('~/state'))
     monitor.until(lambda: len(monitor.listen('~/state')) > count + 3, 'regular states')
@@ -54,8 +60,7 @@ def test_ages_count_in_simulated_time(start):
     monitor.spin(1.2)
     assert monitor.state() == 'clear', 'the clock stands still'
     monitor.set_clock(HOUR + 3 * SECOND // 2)
-    status = monitor.await_state('unknown')
-    assert values(status)['age'] == '1.500'
+    assert values(monitor.await_state('unknown'))['age'] == '1.500'
 
 
 def test_clock_before_1970_is_refused(start):
@@ -84,9 +89,7 @@ def test_stopped_clock_is_unknown(start):
 def test_clock_without_a_publisher_is_unknown(start):
     """The simulator has ended: time may go on without it."""
     monitor = start(use_sim_time=True, clock_timeout=0.0, **LASTING)
-    monitor.set_clock(HOUR)
-    send_pair(monitor, APART, HOUR)
-    monitor.await_state('clear')
+    begin(monitor, APART, 'clear')
     monitor.node.destroy_publisher(monitor._publishers.pop('/clock'))
     monitor.until(lambda: '/clock has no publisher' in monitor.reason())
     assert monitor.state() == 'unknown'
@@ -96,9 +99,7 @@ def test_clock_without_a_publisher_is_unknown(start):
 
 def test_states_are_published_while_the_clock_is_paused(start):
     monitor = start(use_sim_time=True)
-    monitor.set_clock(HOUR)
-    send_pair(monitor, TOUCHING, HOUR)
-    monitor.await_state('collision')
+    begin(monitor, TOUCHING, 'collision')
     received = monitor.listen('~/collision')
     monitor.until(lambda: received)
     count = len(received)
@@ -110,13 +111,10 @@ def test_clock_that_steps_drops_everything(start, step):
     """A recording starts again, or its player skips a part; log and health tell it."""
     monitor = start(use_sim_time=True, footprint__timeout=0.0, obstacle__timeout=2.0,
                     future_tolerance=0.6)
-    monitor.set_clock(HOUR)
-    send_pair(monitor, TOUCHING, HOUR)
-    monitor.await_state('collision')
+    begin(monitor, TOUCHING, 'collision')
     later = HOUR + step * SECOND
     monitor.set_clock(later, at_once=True)
-    status = monitor.await_state('unknown')
-    assert values(status)['age'] == ''
+    assert values(monitor.await_state('unknown'))['age'] == ''
     monitor.logged('clock was set by more than future_tolerance')
     monitor.until(lambda: health(monitor).get('the clock: steps beyond future_tolerance') == '1')
     # What was told before counts for one timeout more.
@@ -145,9 +143,7 @@ def test_step_of_the_system_clock_begins_anew(start, monkeypatch):
 def test_release_delay_counts_in_simulated_time(start):
     monitor = start(use_sim_time=True, release_delay=1.0, footprint__timeout=0.0,
                     obstacle__timeout=60.0)
-    monitor.set_clock(HOUR)
-    send_pair(monitor, TOUCHING, HOUR)
-    monitor.await_state('collision')
+    begin(monitor, TOUCHING, 'collision')
     monitor.send_set('obstacles', APART, stamp=HOUR + SECOND // 2)
     monitor.until(lambda: not monitor.contacts())
     assert monitor.state() == 'collision'
@@ -166,9 +162,7 @@ def test_simulated_time_can_be_switched_on_and_off(start):
     monitor.until(is_clear)
     assert monitor.set_parameters(use_sim_time=True) == [None]
     monitor.until(lambda: 'no clock yet' in values(monitor.status())['reason'])
-    monitor.set_clock(HOUR)
-    send_pair(monitor, TOUCHING, HOUR)
-    monitor.await_state('collision')
+    begin(monitor, TOUCHING, 'collision')
     assert monitor.set_parameters(use_sim_time=False) == [None]
     monitor.await_state('unknown')
     monitor.until(is_clear)

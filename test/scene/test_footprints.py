@@ -183,8 +183,7 @@ def test_release_delay_starts_again_with_each_contact():
 
 def test_brief_contact_restarts_the_release_delay():
     """Even if no state was read during the contact."""
-    stage = Stage(footprints=[UNTIMED_ROBOT], release_delay=0.5)
-    stage.robot()
+    stage = with_robot(release_delay=0.5)
     stage.send(5)
     stage.wait_until(0.3)
     stage.send(0.5)
@@ -198,8 +197,7 @@ def test_brief_contact_restarts_the_release_delay():
 
 def test_release_delay_applies_to_unknown():
     """The flag does not flicker when a sensor drops out again and again."""
-    stage = Stage(UNTIMED_LIDAR, footprints=[UNTIMED_ROBOT], release_delay=0.5)
-    stage.robot()
+    stage = with_robot(UNTIMED_LIDAR, release_delay=0.5)
     stage.send(5)
     assert stage.status() == 'unknown'
     assert stage.state().reasons == ('clear for less than release_delay, 0.5 s',)
@@ -221,8 +219,7 @@ def test_timeout_and_release_delay_can_be_changed_live():
 
 
 def test_release_delay_does_not_delay_collision_or_unknown():
-    stage = Stage(footprints=[UNTIMED_ROBOT], release_delay=0.5)
-    stage.robot()
+    stage = with_robot(release_delay=0.5)
     stage.send(5)
     stage.wait_until(1.0)
     assert stage.status() == 'clear'

@@ -60,8 +60,8 @@ def page(chromium):
         return Page(chromium)
 
     yield open_page
-    events = [json.loads(entry['message'])['message'] for entry in
-              chromium.get_log('performance')]
+    device(chromium, 0, 0)
+    events = [json.loads(entry['message'])['message'] for entry in chromium.get_log('performance')]
     asked = {event['params']['request']['url'] for event in events
              if event['method'] == 'Network.requestWillBeSent'}
     assert {url for url in asked if not url.startswith(('data:', 'about:'))} == set(opened)
@@ -370,33 +370,29 @@ def of_crowd(tmp_path_factory):
 @pytest.mark.parametrize('scheme', ('light', 'dark'))
 def test_page_fits_desktop_and_phone(page, of_crowd, width, height, scheme):
     """No text is cut off, the controls are small, and colours are readable."""
-    shown = page(of_crowd)
-    chromium = shown.chromium
-    try:
-        device(chromium, width, height, scheme)
-        chromium.refresh()
-        size = chromium.execute_script("""
-            const style = getComputedStyle(document.body);
-            const light = colour => colour.match(/[0-9]+/g).slice(0, 3).map(Number)
-                .reduce((a, b) => a + b);
-            const cut = [...document.querySelectorAll('h1, h2, p, li, td, button, output')]
-                .filter(one => one.offsetParent && one.scrollWidth > one.clientWidth + 1 &&
-                    getComputedStyle(one).display !== 'inline');
-            const edge = document.getElementById('timeline').getBoundingClientRect().left;
-            cut.push(...[...document.querySelectorAll('#timeline text.name')].filter(
-                one => one.getBoundingClientRect().left < edge));
-            return [document.documentElement.scrollWidth, innerWidth,
-                document.getElementById('control').offsetHeight,
-                light(style.backgroundColor), light(style.color), cut.length];""")
-        assert size[0] <= size[1] == width and size[5] == 0
-        assert size[2] < 0.1 * height
-        assert (size[3] > size[4] + 300) is (scheme == 'light')
-        assert (size[4] > size[3] + 300) is (scheme == 'dark')
-        colours = chromium.execute_script("""
-            return recording.footprints.map(one => one.colour);""")
-        assert len(set(colours)) == 13
-    finally:
-        device(chromium, 0, 0)
+    chromium = page(of_crowd).chromium
+    device(chromium, width, height, scheme)
+    chromium.refresh()
+    size = chromium.execute_script("""
+        const style = getComputedStyle(document.body);
+        const light = colour => colour.match(/[0-9]+/g).slice(0, 3).map(Number)
+            .reduce((a, b) => a + b);
+        const cut = [...document.querySelectorAll('h1, h2, p, li, td, button, output')]
+            .filter(one => one.offsetParent && one.scrollWidth > one.clientWidth + 1 &&
+                getComputedStyle(one).display !== 'inline');
+        const edge = document.getElementById('timeline').getBoundingClientRect().left;
+        cut.push(...[...document.querySelectorAll('#timeline text.name')].filter(
+            one => one.getBoundingClientRect().left < edge));
+        return [document.documentElement.scrollWidth, innerWidth,
+            document.getElementById('control').offsetHeight,
+            light(style.backgroundColor), light(style.color), cut.length];""")
+    assert size[0] <= size[1] == width and size[5] == 0
+    assert size[2] < 0.1 * height
+    assert (size[3] > size[4] + 300) is (scheme == 'light')
+    assert (size[4] > size[3] + 300) is (scheme == 'dark')
+    colours = chromium.execute_script("""
+        return recording.footprints.map(one => one.colour);""")
+    assert len(set(colours)) == 13
 
 
 # For each text that is shown: its contrast with what is behind it, and the text.
@@ -438,21 +434,18 @@ def test_texts_have_contrast(page, tmp_path, scheme):
     result.keyframes = Keyframes([0, 4 * 10**9])
     write_page([result], tmp_path / 'page.html')
     shown = page(tmp_path / 'page.html')
-    try:
-        device(shown.chromium, 1280, 900, scheme)
-        for verdict in ('collision', 'clear', 'unknown', 'bad-input'):
-            shown.chromium.execute_script(
-                "at('verdict').className = arguments[0]; go(arguments[1])", verdict, 2.0)
-            found = shown.chromium.execute_script(CONTRASTS)
-            assert {'unknown', 'shelf/0', *names} <= {text.strip() for _, text in found}
-            assert [one for one in found if one[0] < 4.5] == []
-        assert shown.chromium.execute_script("""
-            return [...document.querySelectorAll('#timeline .bar title')].map(
-                one => one.textContent);""") == [
-            'unknown from 0.000 to 3.000 s', 'robot1 and shelf/0, 0.1 m deep',
-            'undetermined from 0.000 to 1.000 s']
-    finally:
-        device(shown.chromium, 0, 0)
+    device(shown.chromium, 1280, 900, scheme)
+    for verdict in ('collision', 'clear', 'unknown', 'bad-input'):
+        shown.chromium.execute_script(
+            "at('verdict').className = arguments[0]; go(arguments[1])", verdict, 2.0)
+        found = shown.chromium.execute_script(CONTRASTS)
+        assert {'unknown', 'shelf/0', *names} <= {text.strip() for _, text in found}
+        assert [one for one in found if one[0] < 4.5] == []
+    assert shown.chromium.execute_script("""
+        return [...document.querySelectorAll('#timeline .bar title')].map(
+            one => one.textContent);""") == [
+        'unknown from 0.000 to 3.000 s', 'robot1 and shelf/0, 0.1 m deep',
+        'undetermined from 0.000 to 1.000 s']
 
 
 def test_unknown_times_of_one_cause_are_one_row(page, tmp_path):
@@ -485,17 +478,14 @@ def with_times_to_collision(of_warehouse):
 def test_time_to_collision_has_a_title_and_a_unit(page, with_times_to_collision, width):
     """Above its panel, which has an axis; no width is negative, even on the narrowest page."""
     shown = page(with_times_to_collision)
-    try:
-        device(shown.chromium, width, 844)
-        shown.chromium.refresh()
-        heights = dict(shown.chromium.execute_script("""
-            return [...document.querySelectorAll('#timeline text')].map(
-                one => [one.textContent, Number(one.getAttribute('y'))]);"""))
-        assert 80 < heights['0 s'] - heights['Time to collision'] < 120
-        assert heights['Time to collision'] < heights['2 s'] < heights['0 s']
-        assert 'found at a sample: at the stamp of a message' in shown.text('#tables')
-    finally:
-        device(shown.chromium, 0, 0)
+    device(shown.chromium, width, 844)
+    shown.chromium.refresh()
+    heights = dict(shown.chromium.execute_script("""
+        return [...document.querySelectorAll('#timeline text')].map(
+            one => [one.textContent, Number(one.getAttribute('y'))]);"""))
+    assert 80 < heights['0 s'] - heights['Time to collision'] < 120
+    assert heights['Time to collision'] < heights['2 s'] < heights['0 s']
+    assert 'found at a sample: at the stamp of a message' in shown.text('#tables')
 
 
 def test_plan_in_contact_is_drawn_while_it_counts(page, tmp_path):

@@ -32,8 +32,7 @@ BELOW = {
 # The folders of geometry, each on those before it; what is in none of them may import all.
 FLOORS = 'compiled', 'numeric', 'body', 'pair', 'motion', 'sets'
 # The modules that may import numba.
-COMPILERS = tuple(f'sat_collision.geometry.compiled.{name}'
-                  for name in ('jit', 'kernel_cache'))
+COMPILERS = tuple(f'sat_collision.geometry.compiled.{name}' for name in ('jit', 'kernel_cache'))
 # Libraries that only some modules may import, by full name.
 RESERVED = {
     'numba': COMPILERS,

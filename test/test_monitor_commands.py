@@ -160,8 +160,7 @@ def test_refused_command_makes_the_velocity_unknown(data, reason, detail):
     assert world.monitor.rejected == {('robot.cmd_vel', reason): 1}
     assert world.monitor.received['robot.cmd_vel'] == 2
     assert world.prediction is None and world.status() == 'clear'
-    assert world.velocity == (
-        f'unknown: the last command on /cmd_vel was refused: {reason}')
+    assert world.velocity == (f'unknown: the last command on /cmd_vel was refused: {reason}')
     world.drive(1.0, frame_id='base')
     assert world.status() == 'imminent'
 

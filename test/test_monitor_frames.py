@@ -473,8 +473,7 @@ def test_settings_of_transforms_can_be_changed_live(robot):
 
 def test_without_transforms_other_frames_are_refused_at_once():
     """Without tf2_msgs, or without /tf in a recording."""
-    monitor = Monitor(SETTINGS)
-    rejection = monitor.receive('lidar', serialised(box(0), START, 'laser', 1), START)
+    rejection = Monitor(SETTINGS).receive('lidar', serialised(box(0), START, 'laser', 1), START)
     assert rejection.reason == 'other frame'
 
 

@@ -86,8 +86,7 @@ def test_first_contact_ahead(order):
 
 def test_no_contact_and_contact():
     world = at_start(box(5, 0.3))
-    found = world.plan(STRAIGHT)
-    assert (found.metres, world.text) == (math.inf, 'none')
+    assert (world.plan(STRAIGHT).metres, world.text) == (math.inf, 'none')
     world.move(0.1, 4.8, 0.2)
     assert world.status() == 'collision'
     assert (world.check().metres, str(world.check().obstacle)) == (0.0, 'map/1')
@@ -248,8 +247,7 @@ def test_orientations_of_identity_are_replaced_by_the_direction_of_travel():
     assert found.metres == math.inf and found.is_by_travel
     assert world.text == 'none; by the direction of travel, as the poses have no orientations'
     # With orientations those count.
-    given = [(*at, 0.0, 0.0, 0.0, math.sin(1e-6), 1.0) for at in corner]
-    found = world.plan(given)
+    found = world.plan([(*at, 0.0, 0.0, 0.0, math.sin(1e-6), 1.0) for at in corner])
     assert 4.0 < found.metres < 5.0 and not found.is_by_travel
 
 
@@ -322,8 +320,7 @@ def test_random_paths_by_travel_as_shapely_sees_them():
         post = rng.uniform(-3.0, 3.0, (1, 2)) + rng.uniform(-0.3, 0.3, (3, 2))
         world = Follower(post)
         world.move(0.0, *places[0], math.atan2(*(places[1] - places[0])[::-1]))
-        found = world.plan([*((*place, *IDENTITY) for place in places[:-1]),
-                            (*places[-1], *NONE)])
+        found = world.plan([*((*place, *IDENTITY) for place in places[:-1]), (*places[-1], *NONE)])
         obstacle, poses, metres = shapely.Polygon(post), [], []
         gone, before = 0.0, None
         for start, end in zip(places, places[1:]):
@@ -518,8 +515,7 @@ def test_standing_robot_does_not_go_on_along_a_turn():
 
 @pytest.mark.parametrize('size', [1e-320, 1e-200, 1e-3, 1.0, 5.0, 9e99])
 def test_quaternions_of_any_length_are_orientations(size):
-    world = at_start([(2.0, 0.35)])
-    found = world.plan([(x, 0.0, 0.0, 0.0, 0.0, size, size) for x in range(4)])
+    found = at_start([(2.0, 0.35)]).plan([(x, 0.0, 0.0, 0.0, 0.0, size, size) for x in range(4)])
     assert found.metres == pytest.approx(1.75, abs=1e-3) and not found.is_by_travel
 
 

@@ -265,8 +265,7 @@ def test_moving_obstacle():
     assert world.seconds == pytest.approx(1.425, abs=1e-3)
     world.drive(0.9)
     assert world.seconds == pytest.approx(1.125, abs=1e-3)
-    world.monitor.update(replace(world.settings, obstacles=(
-        replace(TRACKS, moving=False), DOCK)))
+    world.monitor.update(replace(world.settings, obstacles=(replace(TRACKS, moving=False), DOCK)))
     assert world.seconds == pytest.approx(2.75, abs=1e-3) and world.prediction.is_known
     world.see(1.0, walker(1.0))
     world.monitor.update(world.settings)
@@ -409,8 +408,7 @@ def test_no_time_is_late_and_none_is_given_while_unknown(seed):
             world.wait_until(time := time + 2.1)
         for key in np.flatnonzero(rng.uniform(0.0, 1.0, 6) < 0.9 * (seed % 2)).tolist():
             world.see(time, list(places(time)[key].exterior.coords)[:-1], key + 1)
-        place = where(outline, twist, time)
-        points = list(place.exterior.coords)[:-1]
+        points = list(where(outline, twist, time).exterior.coords)[:-1]
         if event == 'shape':
             points = points[:-1]
         world.place(time, points)

@@ -27,8 +27,7 @@ from sat_collision import intersects, Polygon
 from sat_collision.geometry.compiled.jit import COMPILED, indexable
 
 ROOT = Path(__file__).resolve().parents[2]
-PATHS = [str(ROOT / place)
-         for place in ('.', 'benchmarks', 'benchmarks/report', 'test/support')]
+PATHS = [str(ROOT / place) for place in ('.', 'benchmarks', 'benchmarks/report', 'test/support')]
 sys.path += PATHS[1:3]
 
 import libraries  # noqa: E402, I100

@@ -41,8 +41,7 @@ def scan_of(bodies, rays=RAYS, span=2.0 * np.pi):
     for angle in scan.angle_min + scan.angle_increment * np.arange(rays):
         ray = shapely.LineString([(0, 0), (9 * np.cos(angle), 9 * np.sin(angle))])
         seen = ray.intersection(bodies)
-        scan.ranges.append(float('inf') if seen.is_empty else
-                           shapely.Point(0, 0).distance(seen))
+        scan.ranges.append(float('inf') if seen.is_empty else shapely.Point(0, 0).distance(seen))
     return scan
 
 

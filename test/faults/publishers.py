@@ -28,8 +28,7 @@ from builders import box, collection, odometry, serialised, transforms
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
 import rclpy
 from rclpy.duration import Duration
-from rclpy.qos import (
-    DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy)
+from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 
@@ -46,8 +45,7 @@ _PROCESSES.set_forkserver_preload(['rclpy', 'nav_msgs.msg', 'numpy'])
 RELIABLE = {'depth': 10_000}
 BEST_EFFORT = {'depth': 10, 'reliability': ReliabilityPolicy.BEST_EFFORT}
 LATCHED = {'depth': 100, 'durability': DurabilityPolicy.TRANSIENT_LOCAL}
-ALIVE = {'depth': 10, 'liveliness': LivelinessPolicy.AUTOMATIC,
-         'liveliness_lease_duration': LEASE}
+ALIVE = {'depth': 10, 'liveliness': LivelinessPolicy.AUTOMATIC, 'liveliness_lease_duration': LEASE}
 IN_TIME = {'depth': 10, 'deadline': 0.05}
 
 
@@ -340,8 +338,7 @@ def corrected_transform(topic: Topic) -> None:
     for stamp in topic.every(0.02):
         if topic.touching != was_touching:
             was_touching = topic.touching
-            topic.publish(transforms(
-                ('map', 'map2', stamp, 0.0 if was_touching else 50.0, 0.0)))
+            topic.publish(transforms(('map', 'map2', stamp, 0.0 if was_touching else 50.0, 0.0)))
 
 
 def own_stamps(topic: Topic, marks: bool = True) -> None:

@@ -108,18 +108,13 @@ class Stage(Witness):
     def publish(self, script: Callable[..., None], topic: str = '/obstacles',
                 node: str = 'perception', **options: Any) -> Publisher:
         """Start a process that publishes; see `Publisher`."""
-        self.publishers.append(
-            Publisher(self.world, self.domain, script, topic, node, **options))
+        self.publishers.append(Publisher(self.world, self.domain, script, topic, node, **options))
         return self.publishers[-1]
 
     def respawn(self, script: Callable[..., None], **options: Any) -> None:
         """Start a process in place of one that has ended, and wait for its first message."""
         publisher = self.publish(script, **options)
         self.until(lambda: publisher.sent)
-
-    def await_flag(self) -> None:
-        """Wait for the monitor's first flag."""
-        self.until(lambda: self.flags)
 
     def await_publishers(self, topic: str, count: int) -> None:
         """Wait until all processes should have found some publishers."""
@@ -159,8 +154,7 @@ class Stage(Witness):
         """Enable or disable the source of obstacles."""
         client = AsyncParameterClient(self.node, 'footprint_monitor')
         self.until(client.services_are_ready)
-        future = client.set_parameters([Parameter('obstacle.enabled', value=enabled)])
-        self.until(future.done)
+        self.until(client.set_parameters([Parameter('obstacle.enabled', value=enabled)]).done)
 
     def stop_repeatedly(self, stopped: Callable[[], Any]) -> None:
         """Suspend a process for 60 to 300 ms at random moments."""
@@ -219,7 +213,7 @@ def judge(situation: Situation, domain: int, length: float = 1.0) -> Outcome:
     stage = Stage({**_MARKS, **situation.parameters}, domain, length)
     try:
         stage.start_monitor()
-        stage.await_flag()
+        stage.until(lambda: stage.flags)
         if situation.footprint:
             stage.publish(publishers.robot, '/footprint', 'robot')
         situation.act(stage)
@@ -533,12 +527,10 @@ SITUATIONS = {
     'two publishers use the same id': Situation(
         _beside('/obstacles', {'script': publishers.tracks, 'obstacles': {0: (0.1, 0.0)}, **_IDS},
                 {'script': publishers.track_apart, **_IDS}), 1.4, _BY_ID),
-    'one of two publishers of ids is killed': Situation(
-        _tracker_killed_beside, 22.0, _BY_ID),
+    'one of two publishers of ids is killed': Situation(_tracker_killed_beside, 22.0, _BY_ID),
     'an id with an older stamp after a newer one': Situation(
         _lasting(3.0, publishers.track_out_of_order, **_IDS), 1.4, _BY_ID),
-    'a tracker is killed 1.4 s after it sent the contact': Situation(
-        _tracker_killed, 2.4, _SLOW),
+    'a tracker is killed 1.4 s after it sent the contact': Situation(_tracker_killed, 2.4, _SLOW),
     'a footprint stamped 0.9 s ahead': Situation(
         _ahead(publishers.robot_ahead, '/footprint'), footprint=False),
     'odometry stamped 0.9 s ahead': Situation(

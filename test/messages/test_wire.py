@@ -432,8 +432,7 @@ def test_each_pose_may_have_the_frame_of_the_path_or_none(order, length):
     frame = 'odometry'[:length]
     numbers = [(k, 0.5 * k, 0.0, 0.1, 0.2, 0.3, 0.4) for k in range(8)]
     for frames in ('', frame, [frame, *[''] * 7], ['', '', *[frame] * 6], [frame, ''] * 4):
-        data = path(numbers, 5, frame, order, frames)
-        stamp, frame_id, poses = decode_path(data, 8)
+        stamp, frame_id, poses = decode_path(path(numbers, 5, frame, order, frames), 8)
         assert (stamp, frame_id, poses.tolist()) == (5, frame, [[*one] for one in numbers])
     for place in range(8):
         frames = [frame] * 8

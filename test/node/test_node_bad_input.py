@@ -169,8 +169,7 @@ def test_absurd_length_never_reaches_the_middleware(start, capfd, where, order):
     for _ in range(20):
         publisher.publish(bytes(data))
         running.spin(0.01)
-    running.until(
-        lambda: int(health(running).get('footprint: rejected, undecodable', 0)) >= 1)
+    running.until(lambda: int(health(running).get('footprint: rejected, undecodable', 0)) >= 1)
     written = capfd.readouterr().err
     assert 'cdr' not in written.lower() and written.count('\n') < 10, written
     running.await_state('unknown')

@@ -76,8 +76,7 @@ def test_time_to_collision_follows_the_command(start_with_tf, message, qos):
     robot.until(lambda: running.state() == 'clear', 'a clear state')
     robot.until(lambda: robot.velocity() == 'unknown: no command on /cmd_vel yet', 'no command')
     robot.until(lambda: math.isnan(robot.times[-1].data), 'no time')
-    publisher = running.publisher('cmd_vel', type(message), qos)
-    robot.until_predicted(message, publisher)
+    robot.until_predicted(message, running.publisher('cmd_vel', type(message), qos))
     assert running.logged(f'footprint.cmd_vel: {type(message).__name__} on /cmd_vel')
     robot.until(lambda: robot.velocity().startswith('unknown: no command on /cmd_vel for '),
                 'an end')
@@ -86,8 +85,7 @@ def test_time_to_collision_follows_the_command(start_with_tf, message, qos):
 
 def test_type_of_commands_may_change(start_with_tf, join):
     """One publisher leaves and another comes with the other type; no restart is needed."""
-    running = start_with_tf(**ROBOT)
-    robot = Robot(running)
+    robot = Robot(start_with_tf(**ROBOT))
     for number, message in enumerate((twist(1.0), stamped(1.0), twist(1.0))):
         peer = join(f'driver{number}')
         publisher = peer.publisher('cmd_vel', type(message))

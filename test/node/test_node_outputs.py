@@ -140,8 +140,7 @@ def test_drawing_takes_no_more_than_a_tenth_of_the_time(start, monkeypatch):
 def test_points_of_contact_are_published_to_subscribers(start, monkeypatch):
     """With the stamp of the state that names the obstacle; none are made before."""
     calls = []
-    monkeypatch.setattr(outputs, 'contact_cloud',
-                        lambda *a: calls.append(1) or contact_cloud(*a))
+    monkeypatch.setattr(outputs, 'contact_cloud', lambda *a: calls.append(1) or contact_cloud(*a))
     monitor = start(**LASTING)
     monitor.become('collision', TOUCHING)
     assert not calls

@@ -127,8 +127,7 @@ def test_path_is_drawn_when_nothing_else_is_received(start_with_tf):
 
 
 def test_latched_plan_of_before_the_start_counts(start_with_tf, join):
-    planner = join('planner')
-    plans = planner.node.create_publisher(Path, '/plan', LATCHED)
+    plans = join('planner').node.create_publisher(Path, '/plan', LATCHED)
     plans.publish(straight(9.0, 10_000))
     running = start_with_tf(**ROBOT)
     robot = Robot(running)
@@ -144,8 +143,7 @@ def test_latched_plan_of_before_the_start_counts(start_with_tf, join):
 
 def test_publishers_with_other_qos_take_over(start_with_tf, join):
     """Volatile, then latched before it is known, then best effort."""
-    running = start_with_tf(**ROBOT)
-    robot = Robot(running)
+    robot = Robot(start_with_tf(**ROBOT))
     for number, qos in enumerate((10, LATCHED, BEST_EFFORT, LATCHED)):
         planner = join(f'planner{number}')
         if qos is LATCHED:

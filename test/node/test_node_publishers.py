@@ -116,8 +116,7 @@ def test_best_effort_publisher_is_received_with_an_override(start):
 
 def test_latched_publisher_without_a_latched_subscription(start, join):
     """The map was sent before the node started; the reason names the parameter to set."""
-    mapper = join('mapper')
-    mapper.node.create_publisher(PolygonStamped, '/obstacles', LATCHED)
+    join('mapper').node.create_publisher(PolygonStamped, '/obstacles', LATCHED)
     monitor = start(**LASTING)
     monitor.until(lambda: 'its publisher keeps what it has sent, of which nothing comes here: '
                           'set qos_overrides./obstacles.subscription.durability: transient_local'
@@ -245,8 +244,7 @@ def test_unknown_state_after_the_start_is_logged_once(start, monkeypatch):
     monkeypatch.setattr('sat_collision.node.footprint_monitor._STARTED', 3600.0)
     monitor = start(obstacle__timeout=60.0)
     monitor.send_set('obstacles', APART)
-    monitor.until(lambda: monitor.reason()
-                  == 'footprint footprint on /footprint has no publisher')
+    monitor.until(lambda: monitor.reason() == 'footprint footprint on /footprint has no publisher')
     monitor.monitor._reports_unknown_at = 0.0
     lines = monitor.logged('unknown since the start')
     assert lines == ['unknown since the start: footprint footprint on /footprint has no publisher']
@@ -268,8 +266,7 @@ def publish_map(peer, *polygons):
 def test_latched_map_sent_before_the_node_started(start, join):
     """A late joiner gets what was published once."""
     mapper = join('mapper')
-    publisher = mapper.node.create_publisher(PolygonStamped, '/map', LATCHED)
-    mapper._publishers['/map'] = publisher
+    mapper._publishers['/map'] = mapper.node.create_publisher(PolygonStamped, '/map', LATCHED)
     publish_map(mapper, TOUCHING, APART)
     monitor = start(**MAP)
     monitor.send('footprint', ROBOT)
@@ -384,8 +381,7 @@ def graph():
                            get_publishers_info_by_topic=lambda _: [*infos])
     subscription = SimpleNamespace(topic_name='/obstacles', qos_profile=QoSProfile(depth=1),
                                    msg_type=PolygonStamped)
-    publishers = Publishers(
-        node, [Input('obstacle', subscription, topic='obstacles', depth=2)])
+    publishers = Publishers(node, [Input('obstacle', subscription, topic='obstacles', depth=2)])
 
     def look(behind=()):
         news = dict(publishers.news(behind))

@@ -10,8 +10,7 @@
 """Obstacle sources of a running node: sets, ids, maps and silence."""
 
 from geometry_msgs.msg import PolygonStamped
-from harness import (
-    APART, box, LASTING, polygon_message, ROBOT, SECOND, to_ns, TOUCHING, values)
+from harness import APART, box, LASTING, polygon_message, ROBOT, SECOND, to_ns, TOUCHING, values
 
 
 def test_contact_is_immediate_and_release_needs_a_whole_set(start):

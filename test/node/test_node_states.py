@@ -21,8 +21,7 @@ import pytest
 def test_nothing_received_is_unknown_and_raises_the_flag(start):
     """Before any message, and with a footprint alone."""
     monitor = start()
-    status = monitor.await_state('unknown')
-    assert status.level == DiagnosticStatus.STALE
+    assert monitor.await_state('unknown').level == DiagnosticStatus.STALE
     assert monitor.until(monitor.flag) and monitor.until(lambda: monitor.flag('footprint'))
     monitor.send('footprint', ROBOT)
     monitor.until(lambda: 'obstacles' in values(monitor.status())['reason']

@@ -151,8 +151,7 @@ def test_contact_of_long_ago_is_none_of_the_plan(run):
 
 
 def test_robot_in_contact(run):
-    result = run(drive(plan(1.05, [(5.0, 0.0, 0.0), (8.0, 0.0, 0.0)]), x=4.5))
-    one, = result.plan_contacts
+    one, = run(drive(plan(1.05, [(5.0, 0.0, 0.0), (8.0, 0.0, 0.0)]), x=4.5)).plan_contacts
     assert (one.pose, one.metres, one.way) == (0.0, 0.0, [])
 
 

@@ -138,8 +138,7 @@ def test_prediction_as_live_is_that_of_the_node(tmp_path, kind, clock):
     """In the written bag: time and velocity by the last command until it expires."""
     out = tmp_path / 'out'
     commands = [order(kind, k, 0.0, float(speed)) for k, speed in enumerate(SPEEDS[:16])]
-    messages = stand(30, commands)
-    run(tmp_path / 'bag', messages, kind, as_live=True, write_bag=str(out), clock=clock)
+    run(tmp_path / 'bag', stand(30, commands), kind, as_live=True, write_bag=str(out), clock=clock)
     times, states = published(out)
     times = {round(10 * time): seconds for time, seconds in times.items()}
     velocities = {round(10 * time): state['velocity'] for time, state in states.items()}

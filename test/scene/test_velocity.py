@@ -57,8 +57,7 @@ def test_noise_of_a_centimetre_at_10_hz():
     common, independent = spread(2), spread(ROBOT.shape)
     assert common[:2] == pytest.approx(0.141, rel=0.1) and common[2] < 1e-9
     assert independent[:2] == pytest.approx(0.141 / math.sqrt(5), rel=0.1)
-    assert independent[2] == pytest.approx(
-        0.141 / np.linalg.norm(ROBOT - ROBOT.mean(0)), rel=0.1)
+    assert independent[2] == pytest.approx(0.141 / np.linalg.norm(ROBOT - ROBOT.mean(0)), rel=0.1)
 
 
 def test_no_velocity_if_the_shape_changes():

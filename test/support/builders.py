@@ -46,8 +46,7 @@ def collection(polygons, stamp=1000 * SECOND, frame_id='map', order='<', colors=
 
 def polygon_2d(points, stamp=1000 * SECOND, frame_id='map', order='<'):
     """Write a Polygon2DStamped."""
-    return _ENCAPSULATIONS[order] + _with_points_2d(
-        _header(stamp, frame_id, order), points, order)
+    return _ENCAPSULATIONS[order] + _with_points_2d(_header(stamp, frame_id, order), points, order)
 
 
 def _header(stamp, frame_id, order):

@@ -300,8 +300,7 @@ class RunningMonitor(MonitorPeer):
         # Most tests send sets that an empty polygon ends.
         ends = {f'{name}__set_end': 'empty_polygon'
                 for name in parameters.get('obstacles', ['obstacle'])
-                if '--params-file' not in arguments
-                and f'{name}__type' not in parameters}
+                if '--params-file' not in arguments and f'{name}__type' not in parameters}
         self.monitor = FootprintMonitor(
             context=self._monitor_context,
             # On a busy machine the loop of a test may stall for longer than a watchdog allows.

@@ -61,8 +61,7 @@ MODES = {
                                 stamps=('back', 'zero', 'reset')),
     'unmarked, waiting': Mode(NONE, frame=MOVING, stamps=('back',)),
     'marked, waiting': Mode(EMPTY_POLYGON, frame=MOVING, stamps=('back',)),
-    'collections, waiting': Mode(EACH_MESSAGE, POLYGON_COLLECTION, frame=MOVING,
-                                 stamps=('back',)),
+    'collections, waiting': Mode(EACH_MESSAGE, POLYGON_COLLECTION, frame=MOVING, stamps=('back',)),
     'ids, waiting': Mode(NONE, POLYGON_INSTANCE, frame=MOVING, stamps=('back',)),
 }
 

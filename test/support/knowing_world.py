@@ -84,8 +84,7 @@ class World(Events):
         if len(counted) != 1:
             return False
         one, = counted
-        return (self._has_clear_bodies if self.mode.is_refreshed else
-                self._has_clear_listing)(one)
+        return (self._has_clear_bodies if self.mode.is_refreshed else self._has_clear_listing)(one)
 
     def _is_ghost(self, one, told):
         """Tell whether a newer publisher of the same node has sent, and this one not since."""

@@ -22,8 +22,7 @@ from builders import SECOND
 from sat_collision.scene.obstacle_store import OTHER_FRAME
 from sat_collision.scene.scene import FROM_FUTURE, OVERTAKEN
 import shapely
-from source_model import (
-    followed_by, is_past, Message, nanoseconds, SourceModel, velocity_of)
+from source_model import followed_by, is_past, Message, nanoseconds, SourceModel, velocity_of
 
 
 class Place(NamedTuple):

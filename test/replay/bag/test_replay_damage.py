@@ -109,8 +109,7 @@ def test_wrong_time_of_a_chunk_without_index_is_reported(tmp_path, where):
     for content in (data, file.read_bytes()):
         file.write_bytes(content)
         for options in (Options(), Options(start=1.0, duration=8.0)):
-            problems = check(file, options).problems
-            assert bool(problems) == (content is data)
+            assert bool(check(file, options).problems) == (content is data)
 
 
 @pytest.mark.parametrize('chunked', (False, True))

@@ -291,8 +291,7 @@ def test_missing_path_and_empty_directory_are_bad_input(tmp_path):
 def test_topic_of_another_type_is_bad_input(tmp_path):
     messages = [('/footprint', k / 10, b'\0\1\0\0\1') for k in range(50)]
     messages += [('/obstacles', k / 10, box(0)) for k in range(50)]
-    bag = write(tmp_path / 'bag', messages, types={'/footprint': 'std_msgs/msg/Bool'})
-    result = check(bag)
+    result = check(write(tmp_path / 'bag', messages, types={'/footprint': 'std_msgs/msg/Bool'}))
     assert result.verdict is Verdict.BAD_INPUT
     assert any('std_msgs/msg/Bool' in problem and POLYGON in problem or 'which topics' in problem
                for problem in result.problems)
@@ -305,16 +304,11 @@ def chunk(*records, compression=b''):
                   + text(compression) + struct.pack('<Q', len(content)) + content)
 
 
-def chunks_of_a_drive():
-    """Return ten chunks of ten messages each on two topics."""
-    topics = {'/footprint': 1, '/obstacles': 2}
-    messages = [message(topics[topic], points, time)
-                for topic, time, points in drive(contact=(0, 0))[:100]]
-    return [chunk(*messages[k:k + 10]) for k in range(0, 100, 10)]
-
-
 CHANNELS = channel(1, b'/footprint'), channel(2, b'/obstacles')
-DRIVE = chunks_of_a_drive()
+# Ten chunks of ten messages each.
+PARTS = [message(1 + (topic == '/obstacles'), points, time)
+         for topic, time, points in drive(contact=(0, 0))[:100]]
+DRIVE = [chunk(*PARTS[k:k + 10]) for k in range(0, 100, 10)]
 FLIPPED = DRIVE[3][:-20] + bytes([DRIVE[3][-20] ^ 64]) + DRIVE[3][-19:]
 
 

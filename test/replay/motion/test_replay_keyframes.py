@@ -11,8 +11,7 @@
 
 from builders import serialised
 import pytest
-from recordings import (
-    box, check, drive, INSTANCE, MARKS, nanoseconds, published, STAMPS, write)
+from recordings import box, check, drive, INSTANCE, MARKS, nanoseconds, published, STAMPS, write
 from sat_collision.geometry.body.polygon import Polygon
 from sat_collision.geometry.query import separation
 from sat_collision.replay.model.result import moments_of, Options

@@ -136,8 +136,7 @@ def test_published_recordings_at_equal_stamps(name, clock):
 def test_motion_of_both_bodies_counts(tmp_path):
     """The robot and an obstacle pass each other and touch half way, in no message."""
     robot = samples([0, 0, 0, 4, 4, 4])
-    other = samples([4, 4, 4, 0, 0, 0], '/obstacles')
-    result = run(tmp_path, robot + other)
+    result = run(tmp_path, robot + samples([4, 4, 4, 0, 0, 0], '/obstacles'))
     contact, = result.contacts
     assert contact.found == BETWEEN_SAMPLES
     assert since(result, contact.first, contact.last) == pytest.approx([0.2375, 0.2625], abs=1e-6)
@@ -267,8 +266,7 @@ def test_wall_of_a_map_with_ids_jumps(tmp_path):
 def test_sets_of_one_message_are_matched(tmp_path):
     """Another robot at 100 Hz."""
     other = [('/obstacles', k / 100, box(20.0 - k / 50)) for k in range(1001)]
-    messages = samples([0.0] * 101) + other
-    result = run(tmp_path, messages, EACH)
+    result = run(tmp_path, samples([0.0] * 101) + other, EACH)
     assert [contact.obstacle for contact in result.contacts] == ['obstacle/0']
     assert result.sources[1].undetermined == 0
 
@@ -320,8 +318,7 @@ def test_obstacle_at_rest_is_checked_at_every_footprint(tmp_path):
 def test_footprint_is_not_interpolated_beyond_its_timeout(tmp_path):
     """Its messages have a gap of 1.5 s."""
     robot = [('/footprint', time, box(x)) for time, x in ((0.0, 0), (0.1, 0), (1.6, 9), (1.7, 9))]
-    messages = robot + samples([4] * 18, '/obstacles')
-    result = run(tmp_path, messages)
+    result = run(tmp_path, robot + samples([4] * 18, '/obstacles'))
     assert result.contacts == []
     assert result.footprints[0].unknown > 0.3 * SECOND
     assert len(run_again(tmp_path, parameters={'footprint.timeout': 2.0}).contacts) == 1
@@ -332,8 +329,7 @@ def run_again(tmp_path, **options):
 
 
 def test_refused_footprint_is_not_interpolated_across(tmp_path):
-    robot = samples([0, 0, 0, 9, 9, 9])
-    messages = robot + samples([4] * 6, '/obstacles')
+    messages = samples([0, 0, 0, 9, 9, 9]) + samples([4] * 6, '/obstacles')
     assert len(run(tmp_path, messages).contacts) == 1
     bad = ('/footprint', 0.25, serialised([(0, 0), (float('nan'), 0)], START + SECOND // 4))
     (tmp_path / 'refused').mkdir()
@@ -470,8 +466,7 @@ def test_late_footprint_counts_at_its_stamp(tmp_path, delay, clock):
     messages = [at(k / 10, box(0.0 if k == 50 else 5.0), delay if k == 50 else 0.0, '/footprint')
                 for k in range(121)]
     messages += [at(k / 10, points) for k in range(121) for points in (box(0.5), [])]
-    bag = write(tmp_path / 'bag', messages)
-    result = check(bag, Options(clock=clock))
+    result = check(write(tmp_path / 'bag', messages), Options(clock=clock))
     contact, = result.contacts
     assert result.verdict is Verdict.COLLISION
     assert contact.first < START + 5 * SECOND < contact.last and contact.found == AT_A_SAMPLE
@@ -485,8 +480,7 @@ def test_late_obstacles_count_at_their_stamps(tmp_path, delay):
         late = 7.0 - k / 10 + delay if 50 <= k < 70 else 0.0
         messages += [at(k / 10, box(0.0), topic='/footprint'),
                      at(k / 10, box(0.5 if 55 <= k < 60 else 3.0), late), at(k / 10, [], late)]
-    bag = write(tmp_path / 'bag', messages)
-    result = check(bag)
+    result = check(write(tmp_path / 'bag', messages))
     contact, = result.contacts
     assert result.verdict is Verdict.COLLISION
     assert since(result, contact.deepest) == [5.5]

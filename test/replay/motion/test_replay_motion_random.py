@@ -107,8 +107,7 @@ def compared(path, seed, samples):
     rng = np.random.default_rng(seed)
     duration = 4.0
     robot = Recorded(rng, SHAPES[seed % len(SHAPES)], duration)
-    others = {k: Recorded(rng, SHAPES[rng.integers(len(SHAPES))], duration)
-              for k in range(1, 9)}
+    others = {k: Recorded(rng, SHAPES[rng.integers(len(SHAPES))], duration) for k in range(1, 9)}
     messages = robot.messages(rng, '/footprint')
     for k, other in others.items():
         messages += other.messages(rng, '/tracks', k)

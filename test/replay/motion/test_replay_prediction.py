@@ -20,8 +20,7 @@ from builders import SECOND, serialised
 import numpy as np
 from published import DATA
 import pytest
-from recordings import (
-    box, check, declared, INSTANCE, main, nanoseconds, SOURCE, STAMPS, write)
+from recordings import box, check, declared, INSTANCE, main, nanoseconds, SOURCE, STAMPS, write
 from sat_collision.replay.model.result import Options, Verdict
 import shapely
 from shapely.affinity import affine_transform
@@ -92,8 +91,7 @@ def test_times_on_arcs_are_never_late(tmp_path, seed):
 
     def placed(time):
         c, s = math.cos(turn * time), math.sin(turn * time)
-        return affine_transform(outline, [
-            c, -s, s, c, speed / turn * s, speed / turn * (1 - c)])
+        return affine_transform(outline, [c, -s, s, c, speed / turn * s, speed / turn * (1 - c)])
 
     x, y = placed(2.6).centroid.coords[0]
     wall = shapely.box(x - 0.4, y - 0.4, x + 0.4, y + 0.4)

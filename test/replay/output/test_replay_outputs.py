@@ -136,8 +136,7 @@ def test_written_bag_is_the_same_without_ros_and_numba(tmp_path):
 
 def test_big_endian_messages_are_read_without_ros():
     """By rosbags' decoder; damaged ones are refused."""
-    rclpy = pytest.importorskip('rclpy')
-    assert rclpy
+    pytest.importorskip('rclpy')
     out = run_without_ros("""
         import struct
         from sat_collision.messages.cdr import decode, MessageError
@@ -307,8 +306,7 @@ def test_overlapping_bars_have_their_own_rows(tmp_path):
         ('/obstacles', k / 10, box(0.75 if 20 <= k < 50 else 3)),
         ('/obstacles', k / 10, box(-0.75 if 30 <= k < 60 or k > 80 else -4)),
         ('/obstacles', k / 10, []))]
-    result = check(write(tmp_path / 'bag', messages), Options(keyframes=True))
-    lane, = lanes_of(result)
+    lane, = lanes_of(check(write(tmp_path / 'bag', messages), Options(keyframes=True)))
     bars = sorted((bar.first, bar.row) for bar in lane.bars if bar.contact)
     assert [row for _, row in bars] == [0, 1, 0]
     # In the third row is when it is not known which of them came or went.

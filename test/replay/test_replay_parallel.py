@@ -62,7 +62,7 @@ def fails():
 
 def faulty(path, options, marks, fault, forever=False):
     """Check a recording, but with a fault at the first attempt, or at every one."""
-    mark = Path(marks, Path(path).name)
+    mark = Path(marks, f'mark_of_{Path(path).name}')
     if path.endswith('bag3') and (forever or not mark.exists()):
         mark.touch()
         fault()

@@ -221,6 +221,9 @@ class Scene(SceneView):
                                  refused)
         if read is None:
             refusal = FROM_FUTURE
+        if body is None:
+            # The set that it ends may be older than it, and than the one before.
+            self.deadline = min(self.deadline, source.deadline)
         self._evaluate_obstacles(
             source, stamp if stamp and stamp < now else now,
             source.faults != faults or source.knowledge is not knowledge)

@@ -159,6 +159,22 @@ def test_obstacle_times_out_even_if_the_reasons_stay_the_same():
     assert status_and_reasons(stage) == ('unknown', reasons)
 
 
+def test_set_times_out_with_its_oldest_obstacle_though_it_is_older_than_the_set_before():
+    """Another footprint times out while the set is received."""
+    cart = FootprintSettings('cart', '/cart', timeout=0.5)
+    robot = FootprintSettings('robot', '/robot', timeout=0.0)
+    monitor = Monitor(Settings((robot, cart), (replace(LIDAR, timeout=20.0),)))
+    for name, number, points, stamp, now in (
+            ('robot', 1, box(0), 0, 0), ('cart', 1, box(50), 0, 0), ('lidar', 1, box(20), 0, 0),
+            ('lidar', 2, [], 0, 0), ('lidar', 3, box(20), -19, 0.25),
+            ('lidar', 4, [], 0.75, 0.75)):
+        assert monitor.receive(name, serialised(points, nanoseconds(stamp)), nanoseconds(now),
+                               number) is None
+    for now, status in ((1.0, Status.CLEAR), (1.001, Status.UNKNOWN)):
+        monitor.advance(nanoseconds(now))
+        assert monitor.scene.status('robot') is status
+
+
 @EVERY_KIND
 def test_messages_past_their_timeout_prove_nothing(settings):
     """The node was held up, or the clock of the publisher is behind: all are too old."""

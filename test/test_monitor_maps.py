@@ -34,9 +34,9 @@ def test_map_is_unknown_while_a_part_of_it_waits():
     assert robot.status() == 'clear'
 
 
-def map_robot(*link):
+def map_robot(*link, settings=MAP):
     """Return a robot with a map that a frame with this transform has 50 m ahead of it."""
-    robot = Robot(MAP)
+    robot = Robot(settings)
     robot.stand(0)
     robot.receive_transforms(*link)
     robot.see(box(0), 0.0, link[1][1], None)
@@ -109,6 +109,16 @@ def test_frame_of_a_map_counts_by_the_present_parameters(link, changes, reason):
     assert robot.status() == 'unknown' and reason in robot.state().reasons[0]
     robot.monitor.update(robot.settings)
     assert robot.status() == 'clear'
+
+
+@pytest.mark.parametrize('enabled, status', [(True, 'unknown'), (False, 'clear')])
+def test_enabled_footprints_limit_how_old_the_frame_of_a_map_may_be(enabled, status):
+    cart = replace(MAP.footprints[0], name='cart', topic='/cart', timeout=0.2, enabled=enabled)
+    robot = map_robot(TF, ('odom', 'site', START, 50.0, 0.0),
+                      settings=replace(MAP, footprints=(*MAP.footprints, cart)))
+    robot.wait_until(0.9)
+    robot.stand(0)
+    assert robot.status() == status
 
 
 def test_frame_in_which_a_map_was_sent_does_not_matter_for_the_next():

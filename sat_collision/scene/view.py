@@ -81,9 +81,9 @@ class SceneView:
         return source.settings if source else self._footprints[name].settings
 
     def footprint_timeout(self, source: str) -> float:
-        """Return the least timeout in s of the footprints that monitor a source; 0.0 for none."""
+        """Return the least timeout in s of enabled footprints that monitor a source, 0.0: none."""
         return min((one.timeout for one in self.settings.footprints
-                    if one.timeout and one.monitors(source)), default=0.0)
+                    if one.enabled and one.timeout and one.monitors(source)), default=0.0)
 
     def unknown_reasons(self, name: str) -> tuple[str, ...]:
         """Return why contacts of a footprint may be unknown, empty if all are known."""

@@ -107,16 +107,21 @@ class Subscriptions:
         self._unsupported: set[str] = set()
         self.inputs: list[Input] = []
         self._create: dict[str, Callable[[], Subscription]] = {}
+        # An override by parameters, and its default, are those of all subscriptions to a topic.
+        deepest: dict[str, int] = {}
+        for source in settings.obstacles:
+            depth = (_COLLECTION_DEPTH if source.type == POLYGON_COLLECTION
+                     else _SETS_IN_QUEUE * source.max_count)
+            deepest[source.topic] = max(depth, deepest.get(source.topic, 0))
         for footprint in settings.footprints:
             if footprint.odometry:
                 from nav_msgs.msg import Odometry
                 self._subscribe(footprint, Odometry, _ODOMETRY_DEPTH, 'odometry')
             elif not footprint.has_outline:
-                self._subscribe(footprint, _kind(footprint), _FOOTPRINT_DEPTH)
+                self._subscribe(footprint, _kind(footprint),
+                                deepest.get(footprint.topic, _FOOTPRINT_DEPTH))
         for source in settings.obstacles:
-            is_whole = source.type == POLYGON_COLLECTION
-            self._subscribe(source, _kind(source),
-                            _COLLECTION_DEPTH if is_whole else _SETS_IN_QUEUE * source.max_count)
+            self._subscribe(source, _kind(source), deepest[source.topic])
         self.publishers = Publishers(node, self.inputs)
         if self._unsupported:
             events = ', '.join(sorted(self._unsupported))

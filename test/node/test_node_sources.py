@@ -11,6 +11,7 @@
 
 from geometry_msgs.msg import PolygonStamped
 from harness import APART, box, LASTING, polygon_message, ROBOT, SECOND, to_ns, TOUCHING, values
+import pytest
 
 
 def test_contact_is_immediate_and_release_needs_a_whole_set(start):
@@ -48,6 +49,16 @@ def test_set_in_progress_when_the_node_starts_does_not_count(start, peer):
     for points in (APART, []):
         publisher.publish(polygon_message(points, stamp + SECOND // 10))
     monitor.await_state('clear')
+
+
+@pytest.mark.parametrize('names', [['few', 'many'], ['many', 'few']])
+def test_queues_of_one_topic_have_room_for_the_longest_sets(start, names):
+    """Whichever source comes first; a footprint may be an obstacle of others, too."""
+    monitor = start(obstacles=names, few__topic='/obstacles', few__max_count=5,
+                    many__topic='/obstacles', many__max_count=1000, footprint__topic='/obstacles')
+    depths = [one.qos_profile.depth for one in monitor.monitor.subscriptions
+              if one.topic_name == '/obstacles']
+    assert depths == [2000] * 3
 
 
 def test_burst_of_thousands_of_obstacles_is_received(start):

@@ -32,8 +32,8 @@ from sat_collision.replay.bag.storage import Row
 from sat_collision.replay.live import SceneDrawing, Timeline
 from sat_collision.replay.losses import AfterLoss, apart, LOSS_TYPE, Losses, UNSEEN
 from sat_collision.replay.model.configuration import (
-    all_sources, is_subscribed, missing_topics, settings_for, Source, TRANSFORM_TYPE, TWIST_TYPE,
-    wrong_types)
+    all_sources, check_shared_topics, has_marks, is_map, is_subscribed, missing_topics,
+    settings_for, Source, TRANSFORM_TYPE, TWIST_TYPE, wrong_types)
 from sat_collision.replay.model.result import (
     FootprintResult, HEADER, moments_of, Options, PLAN, RECEIVE, Result, SourceResult)
 from sat_collision.replay.motion.bodies import LONGEST
@@ -46,8 +46,7 @@ from sat_collision.replay.plans import Plans
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.scene import OVERTAKEN
 from sat_collision.scene.settings import (
-    EMPTY_POLYGON, FAR, FootprintSettings, in_ns, NEVER, NONE, PathSettings, POLYGON,
-    POLYGON_INSTANCE, Settings)
+    FAR, FootprintSettings, in_ns, NEVER, NONE, PathSettings, POLYGON, POLYGON_INSTANCE, Settings)
 
 if TYPE_CHECKING:
     from sat_collision.replay.output.bag import BagOutputs
@@ -139,7 +138,7 @@ class _Check:
         self._together = 1 if any(one.has_outline for one in settings.footprints) else _TOGETHER
         self._untaken = 0
         # Topics of maps and plans, which may be of any time: their stamps are not the clock.
-        self._timeless = {one.topic for one in settings.obstacles if not one.timeout} | {
+        self._timeless = {one.topic for one in filter(is_map, settings.obstacles)} | {
             one.path for one in settings.footprints if one.path}
         has_plans = any(one.path and one.enabled for one in settings.footprints)
         if options.fail_on == PLAN and not has_plans:
@@ -184,6 +183,8 @@ class _Check:
             if source.name not in wrong and is_subscribed(source):
                 names.setdefault(source.topic, []).append(source.name)
         names.update((topic, []) for topic in self._transforms)
+        if self._motion:
+            check_shared_topics(one for one in self._settings.inputs if one.name not in wrong)
         if recording.start is not None and recording.end is not None:
             start = recording.start + round(options.start * 1e9)
             stop = (None if options.duration is None
@@ -345,7 +346,7 @@ class _Check:
         read: Iterable[Row] = self._with_clocks_compared(self._rows(
             names, start if self._options.start else None, stop and stop + later))
         marks = {one.topic: partial(_is_empty, one.type == POLYGON_INSTANCE)
-                 for one in self._settings.obstacles if one.set_end == EMPTY_POLYGON}
+                 for one in filter(has_marks, self._settings.obstacles)}
         if by_header:
             # A map may be of any time; a set of obstacles may have several stamps in any order.
             tolerance = round(self._settings.future_tolerance * 1e9)

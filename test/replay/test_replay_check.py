@@ -403,6 +403,31 @@ def test_sets_in_one_message_give_what_the_same_sets_give_polygon_by_polygon(tmp
     assert found.problems == expected.problems == []
 
 
+def test_obstacles_in_the_type_of_a_footprint_are_bad_input(tmp_path):
+    bag = write(tmp_path / 'bag', [
+        ('/footprint', 0.0, box(0)), ('/obstacles', 0.0, polygon_2d(box(9), START))],
+        types={'/obstacles': POLYGON_2D})
+    problem, = check(bag).problems
+    assert '/obstacles has the type polygon_msgs/msg/Polygon2DStamped, not' in problem
+
+
+@pytest.mark.parametrize('names, change, what', [
+    ({'obstacles': ['fast', 'slow']}, {'slow.set_end': MARKS}, 'ends its sets with a mark'),
+    ({'obstacles': ['fast', 'slow']}, {'slow.timeout': 0.0, 'slow.set_end': 'each_message'},
+     'is a map'),
+    ({'footprints': ['robot', 'fast'], 'obstacles': ['slow']}, {'slow.set_end': MARKS},
+     'ends its sets with a mark')], ids=['marks', 'map', 'footprint'])
+def test_sources_of_one_topic_that_count_at_other_times_are_bad_input(
+        tmp_path, names, change, what):
+    """By recorded motion: all messages of the topic would count at the time of the last."""
+    bag = write(tmp_path / 'bag', [('/footprint', 0.0, box(0)), ('/both', 0.0, box(9))])
+    parameters = {'footprints': ['robot'], 'robot.topic': '/footprint', **names,
+                  'fast.topic': '/both', 'slow.topic': '/both', **change}
+    problem, = check(bag, Options(parameters)).problems
+    assert f'/both: slow {what}, fast does not' in problem and '--as-live' in problem
+    assert check(bag, Options(parameters, as_live=True)).problems == []
+
+
 @pytest.mark.parametrize('seed', range(30))
 def test_messages_received_at_once_give_the_same_as_one_by_one(tmp_path, monkeypatch, seed):
     """With deadlines and samples between the messages of a set, on which nothing else depends."""

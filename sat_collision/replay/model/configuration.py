@@ -26,8 +26,8 @@ from sat_collision.scene.parameters import (
     check_names_given, declare_parameters, DEFAULT_NAMES, is_name_of, ParameterError,
     parameters_by_node, read_settings, type_problem, without_value)
 from sat_collision.scene.settings import (
-    CommandSettings, FootprintSettings, ObstacleSettings, PathSettings, POLYGON, POLYGON_2D,
-    POLYGON_COLLECTION, POLYGON_INSTANCE, Settings, Spec, TF)
+    CommandSettings, EMPTY_POLYGON, FootprintSettings, ObstacleSettings, PathSettings, POLYGON,
+    POLYGON_2D, POLYGON_COLLECTION, POLYGON_INSTANCE, Settings, Spec, TF)
 import yaml
 
 Source: TypeAlias = FootprintSettings | ObstacleSettings | CommandSettings | PathSettings
@@ -42,6 +42,8 @@ _KINDS = {'geometry_msgs/msg/PolygonStamped': POLYGON,
           'polygon_msgs/msg/Polygon2DCollection': POLYGON_COLLECTION,
           'geometry_msgs/msg/PolygonInstanceStamped': POLYGON_INSTANCE}
 _TYPES = {kind: name for name, kind in _KINDS.items()}
+_TYPES_OF = {'footprints': (POLYGON, POLYGON_2D),
+             'obstacles': (POLYGON, POLYGON_INSTANCE, POLYGON_COLLECTION)}
 _PARAMETERS = {field.name for field in fields(Settings)}
 _OPTIONS = {'footprints': '--footprint', 'obstacles': '--obstacles'}
 _TOPIC = re.compile(r'(~/|/)?[A-Za-z_]\w*(/[A-Za-z_]\w*)*', re.ASCII)
@@ -187,7 +189,7 @@ def settings_for(types: Mapping[str, str], parameters: Mapping[str, object],
     for kind, own in _topics(values, node).items():
         for name, topic in own.items():
             found = polygons.get(topic)
-            if found and (kind == 'obstacles' or found in (POLYGON, POLYGON_2D)):
+            if found in _TYPES_OF[kind]:
                 values.setdefault(f'{name}.type', found)
     return settings_of(values, node)
 
@@ -218,6 +220,34 @@ def wrong_types(settings: Settings, types: Mapping[str, str]) -> Iterator[tuple[
         if types.get(source.topic, wanted[0]) not in wanted:
             yield source.name, (f'{source.name}: {source.topic} has the type '
                                 f'{types[source.topic]}, not {" or ".join(wanted)}')
+
+
+def has_marks(source: Source) -> bool:
+    """Return whether empty polygons end the sets of a source."""
+    return (isinstance(source, ObstacleSettings) and source.enabled
+            and source.set_end == EMPTY_POLYGON)
+
+
+def is_map(source: Source) -> bool:
+    return isinstance(source, ObstacleSettings) and source.enabled and not source.timeout
+
+
+def check_shared_topics(inputs: Iterable[FootprintSettings | ObstacleSettings]) -> None:
+    """
+    Raise ParameterError where inputs of one topic count at different times.
+
+    Marks, and that a map may be of any time, say when all messages of their topic count, see
+    `StampOrder`.
+    """
+    inputs = [one for one in inputs if one.enabled and is_subscribed(one)]
+    for what, is_so in (('ends its sets with a mark', has_marks), ('is a map', is_map)):
+        for source in filter(is_so, inputs):
+            for other in inputs:
+                if other.topic == source.topic and not is_so(other):
+                    raise ParameterError(
+                        f'{source.topic}: {source.name} {what}, {other.name} does not, so by '
+                        'recorded motion one would count at a wrong time: check one of them at a '
+                        'time, or both with --as-live')
 
 
 def missing_topics(settings: Settings, types: Mapping[str, str]) -> Iterator[str]:
@@ -283,7 +313,7 @@ def _detected(polygons: Mapping[str, str], kinds: list[str], missing: set[str]
     found: dict[str, str] = {}
     is_certain = True
     if 'footprints' in kinds:
-        plain = [topic for topic, kind in polygons.items() if kind in (POLYGON, POLYGON_2D)]
+        plain = [topic for topic, kind in polygons.items() if kind in _TYPES_OF['footprints']]
         named = [topic for topic in plain if 'footprint' in topic.lower()]
         candidates = plain if len(plain) == 1 else named
         is_certain = len(candidates) == 1 or not plain

@@ -223,18 +223,15 @@ def _motion(poses, segment, margin):
     yaw = poses[k + 2]
     turn = poses[k + 5] - yaw
     if abs(turn) > math.pi:
-        c = math.cos(yaw)
-        s = math.sin(yaw)
-        next_c = math.cos(poses[k + 5])
-        next_s = math.sin(poses[k + 5])
+        c, s = math.cos(yaw), math.sin(yaw)
+        next_c, next_s = math.cos(poses[k + 5]), math.sin(poses[k + 5])
         turn = math.atan2(c * next_s - s * next_c, c * next_c + s * next_s)
         if turn == 0.0:
             # Only a body that rests may count as resting.
             turn = LEAST
     half = turn / 2.0
     along = half / math.sin(half) * math.cos(half) if half != 0.0 else 1.0
-    dx = poses[k + 3] - poses[k]
-    dy = poses[k + 4] - poses[k + 1]
+    dx, dy = poses[k + 3] - poses[k], poses[k + 4] - poses[k + 1]
     return Motion(poses[k], poses[k + 1], along * dx + half * dy, along * dy - half * dx, turn,
                   1.0, _TOLERANCE, margin)
 
@@ -279,8 +276,7 @@ def _those_in(rows, box, among, size, skipped, found):
 @inner
 def _turned(body, yaw):
     """Return a body as `parts_about` gives it, turned about its origin."""
-    c = math.cos(yaw)
-    s = math.sin(yaw)
+    c, s = math.cos(yaw), math.sin(yaw)
     array = scratch(len(body.array))
     for k in range(0, len(array), 2):
         array[k] = c * body.array[k] - s * body.array[k + 1]

@@ -134,20 +134,14 @@ def _triangulate(vertices):
 @inner
 def _vertex_inside(vertices, after, i, j, k):
     """Return a vertex of the remaining ring in the closed triangle i, j, k, _UNKNOWN if none."""
-    ax = vertices[2 * i]
-    ay = vertices[2 * i + 1]
-    bx = vertices[2 * j]
-    by = vertices[2 * j + 1]
-    cx = vertices[2 * k]
-    cy = vertices[2 * k + 1]
-    min_x = min(ax, bx, cx)
-    max_x = max(ax, bx, cx)
-    min_y = min(ay, by, cy)
-    max_y = max(ay, by, cy)
+    ax, ay = vertices[2 * i], vertices[2 * i + 1]
+    bx, by = vertices[2 * j], vertices[2 * j + 1]
+    cx, cy = vertices[2 * k], vertices[2 * k + 1]
+    min_x, max_x = min(ax, bx, cx), max(ax, bx, cx)
+    min_y, max_y = min(ay, by, cy), max(ay, by, cy)
     v = after[k]
     while v != i:
-        x = vertices[2 * v]
-        y = vertices[2 * v + 1]
+        x, y = vertices[2 * v], vertices[2 * v + 1]
         if (min_x <= x <= max_x and min_y <= y <= max_y
                 and orient(ax, ay, bx, by, x, y) >= 0 and orient(bx, by, cx, cy, x, y) >= 0
                 and orient(cx, cy, ax, ay, x, y) >= 0):

@@ -100,13 +100,10 @@ def on_boundary(vertices, part, points):
     for k in range(len(part)):
         a = 2 * part[k - 1 if k > 0 else len(part) - 1]
         b = 2 * part[k]
-        ax = vertices[a]
-        ay = vertices[a + 1]
-        bx = vertices[b]
-        by = vertices[b + 1]
+        ax, ay = vertices[a], vertices[a + 1]
+        bx, by = vertices[b], vertices[b + 1]
         for i in range(len(found)):
-            x = points[2 * i]
-            y = points[2 * i + 1]
+            x, y = points[2 * i], points[2 * i + 1]
             if (min(ax, bx) <= x <= max(ax, bx) and min(ay, by) <= y <= max(ay, by)
                     and orient(ax, ay, bx, by, x, y) == 0):
                 found[i] = True

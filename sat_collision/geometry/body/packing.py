@@ -195,8 +195,7 @@ def move(values, first, step, received, affine, points):
     """
     a, b, c, d, e, f = affine
     for i in range(received):
-        x = values[first + step * i]
-        y = values[first + step * i + 1]
+        x, y = values[first + step * i], values[first + step * i + 1]
         points[2 * i] = a * x + b * y + c
         points[2 * i + 1] = d * x + e * y + f
 
@@ -220,8 +219,7 @@ def write_inner_disc(ring, count, packed):
         k = i + 1 if i + 1 < count else 0
         if orient(ring[2 * i], ring[2 * i + 1], ring[2 * k], ring[2 * k + 1], x, y) < 0:
             return
-        ex = ring[2 * k] - ring[2 * i]
-        ey = ring[2 * k + 1] - ring[2 * i + 1]
+        ex, ey = ring[2 * k] - ring[2 * i], ring[2 * k + 1] - ring[2 * i + 1]
         size = length(ex, ey)
         height = (ex * (y - ring[2 * i + 1]) - ey * (x - ring[2 * i])) / size
         certain = certain and height < _INFINITY and _LEAST_EDGE < size
@@ -283,15 +281,12 @@ def _classify(points, received, ring, walk):
     spike = -1
     turn_at_least = 0
     before = least - 1 if least > 0 else count - 1
-    before_x = walk[2 * before]
-    before_y = walk[2 * before + 1]
+    before_x, before_y = walk[2 * before], walk[2 * before + 1]
     for k in range(count):
         i = least + k if least + k < count else least + k - count
-        x = walk[2 * i]
-        y = walk[2 * i + 1]
+        x, y = walk[2 * i], walk[2 * i + 1]
         after = i + 1 if i + 1 < count else 0
-        after_x = walk[2 * after]
-        after_y = walk[2 * after + 1]
+        after_x, after_y = walk[2 * after], walk[2 * after + 1]
         rises_to = before_x < x or (before_x == x and before_y < y)
         rises_from = x < after_x or (x == after_x and y < after_y)
         turn = orient(before_x, before_y, x, y, after_x, after_y)
@@ -306,8 +301,7 @@ def _classify(points, received, ring, walk):
             ring[2 * kept + 1] = y
             kept += 1
             left += turn > 0
-        before_x = x
-        before_y = y
+        before_x, before_y = x, y
     if kept == 0:
         _span(walk, count, least, ring)
         return CONVEX, 2, False, -1
@@ -330,8 +324,7 @@ def _drop_repeated(points, received, walk):
     least = 0
     for i in range(received):
         # Adding zero turns -0.0 into 0.0, so that equal vertices have equal bytes.
-        x = points[2 * i] + 0.0
-        y = points[2 * i + 1] + 0.0
+        x, y = points[2 * i] + 0.0, points[2 * i + 1] + 0.0
         if x - x != 0.0 or y - y != 0.0:
             return -1 - i, 0
         if count == 0 or x != walk[2 * count - 2] or y != walk[2 * count - 1]:
@@ -376,10 +369,8 @@ def _first_crossing(ring, count):
     for s in range(count):
         i = order[s]
         i_end = i + 1 if i + 1 < count else 0
-        ax = ring[2 * i]
-        ay = ring[2 * i + 1]
-        bx = ring[2 * i_end]
-        by = ring[2 * i_end + 1]
+        ax, ay = ring[2 * i], ring[2 * i + 1]
+        bx, by = ring[2 * i_end], ring[2 * i_end + 1]
         max_x = max(ax, bx)
         min_y = min(ay, by)
         max_y = max(ay, by)

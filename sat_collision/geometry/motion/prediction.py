@@ -275,8 +275,7 @@ def _distances(body, motion):
             least = min(least, height)
             most = max(most, height)
         return least, most
-    x = -motion.vy / motion.turn
-    y = motion.vx / motion.turn
+    x, y = -motion.vy / motion.turn, motion.vx / motion.turn
     first = 0
     for i in range(len(body.ends)):
         end = body.ends[i] // 2
@@ -284,21 +283,17 @@ def _distances(body, motion):
         nearest_x = nearest_y = 0.0
         # The part is on the left of each edge: if the centre is on the right, beyond its line.
         height = -math.inf
-        ax = v[end - 2] - x
-        ay = v[end - 1] - y
+        ax, ay = v[end - 2] - x, v[end - 1] - y
         for k in range(first, end, 2):
-            bx = v[k] - x
-            by = v[k + 1] - y
+            bx, by = v[k] - x, v[k + 1] - y
             away = length(bx, by)
             most = max(most, away)
             if away < nearest:
                 nearest = away
-                nearest_x = bx
-                nearest_y = by
+                nearest_x, nearest_y = bx, by
             ux, uy = unit(bx - ax, by - ay)
             height = max(height, ay * ux - ax * uy)
-            ax = bx
-            ay = by
+            ax, ay = bx, by
         ux, uy = unit(nearest_x, nearest_y)
         for k in range(first, end, 2):
             nearest = min(nearest, (v[k] - x) * ux + (v[k + 1] - y) * uy)
@@ -345,8 +340,7 @@ def _write_pose(path, time, chords, place):
     """Write x, y of each vertex at a time as the start (place 0) or end (2) of its chord."""
     motion = path.motion
     half = motion.turn * time / 2.0
-    c = math.cos(half)
-    s = math.sin(half)
+    c, s = math.cos(half), math.sin(half)
     # A product with a subnormal number may be off by much.
     along = time * (s / half) if half != 0.0 else time
     x = along * (c * motion.vx - s * motion.vy)
@@ -364,8 +358,7 @@ def _may_meet(path, piece, rows, row, ways):
     """Return whether, by their boxes, a piece of the path may come to the body of a row."""
     motion = path.motion
     start, end = _times(path, piece)
-    vx = ways[2 * row]
-    vy = ways[2 * row + 1]
+    vx, vy = ways[2 * row], ways[2 * row + 1]
     if path.speed == 0.0 and vx == 0.0 and vy == 0.0:
         return False
     margin = motion.margin + _rounding(path, rows, row, ways)
@@ -415,8 +408,7 @@ def _extent(path, min_x, min_y, max_x, max_y):
 @inner
 def _first_contact_in_piece(path, piece, rows, row, ways, before):
     """Return when in a piece the body meets that of a row; infinity if not before `before`."""
-    vx = ways[2 * row]
-    vy = ways[2 * row + 1]
+    vx, vy = ways[2 * row], ways[2 * row + 1]
     apart = path.motion.margin + _rounding(path, rows, row, ways)
     other = parts_about(body_of(rows, row), path.motion.x, path.motion.y, 1.0)
     chords = scratch(2 * len(path.body.array))

@@ -210,12 +210,10 @@ def _separation(p, q, time, enough):
             return distance, ux, uy
         if to_a <= to_b:
             distance, ux, uy = to_a, to_a_x, to_a_y
-            bx = wx
-            by = wy
+            bx, by = wx, wy
         else:
             distance, ux, uy = to_b, to_b_x, to_b_y
-            ax = wx
-            ay = wy
+            ax, ay = wx, wy
 
 
 @inner
@@ -249,8 +247,7 @@ def _separated_until(p, q, clear, ux, uy, margin, apart):
 @inner
 def _gap(p, q, ux, uy, time):
     """Return the gap between two parts along an axis, and the vertices at its ends."""
-    i = _support(p, ux, uy, time)
-    j = _support(q, -ux, -uy, time)
+    i, j = _support(p, ux, uy, time), _support(q, -ux, -uy, time)
     wx, wy = _between(p, i, q, j, time)
     return wx * ux + wy * uy, i, j
 
@@ -273,7 +270,6 @@ def _support(p, ux, uy, time):
 @inlined
 def _between(p, i, q, j, time):
     """Return the offset from the vertex of P at i to that of Q at j, at a time."""
-    v = p.array
-    w = q.array
+    v, w = p.array, q.array
     return (w[j] + time * (w[j + 2] - w[j]) - (v[i] + time * (v[i + 2] - v[i])),
             w[j + 1] + time * (w[j + 3] - w[j + 1]) - (v[i + 1] + time * (v[i + 3] - v[i + 1])))

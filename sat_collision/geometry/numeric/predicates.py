@@ -46,10 +46,8 @@ _LIMBS = 184
 @kernel
 def orient(ax, ay, bx, by, cx, cy):
     """Return 1 if points a, b, c turn left, -1 if right, 0 if they are collinear; exact."""
-    acx = ax - cx
-    bcx = bx - cx
-    acy = ay - cy
-    bcy = by - cy
+    acx, acy = ax - cx, ay - cy
+    bcx, bcy = bx - cx, by - cy
     left = acx * bcy
     right = acy * bcx
     determinant = left - right
@@ -64,10 +62,8 @@ def orient(ax, ay, bx, by, cx, cy):
 
 @inner
 def _orient_adaptive(ax, ay, bx, by, cx, cy):
-    acx = ax - cx
-    bcx = bx - cx
-    acy = ay - cy
-    bcy = by - cy
+    acx, acy = ax - cx, ay - cy
+    bcx, bcy = bx - cx, by - cy
     largest = max(max(abs(acx), abs(bcx)), max(abs(acy), abs(bcy)))
     if (largest < _LARGEST_SPLIT
             and difference_error(ax, cx, acx) == 0.0 and difference_error(bx, cx, bcx) == 0.0

@@ -85,16 +85,11 @@ def centroid(ring, count):
     for k in range(2 * count):
         largest = max(largest, abs(ring[k]))
     scale = scale_to_one(largest)
-    x0 = ring[0] * scale
-    y0 = ring[1] * scale
-    area = 0.0
-    moment_x = 0.0
-    moment_y = 0.0
+    x0, y0 = ring[0] * scale, ring[1] * scale
+    area = moment_x = moment_y = 0.0
     for i in range(1, count - 1):
-        ax = ring[2 * i] * scale - x0
-        ay = ring[2 * i + 1] * scale - y0
-        bx = ring[2 * i + 2] * scale - x0
-        by = ring[2 * i + 3] * scale - y0
+        ax, ay = ring[2 * i] * scale - x0, ring[2 * i + 1] * scale - y0
+        bx, by = ring[2 * i + 2] * scale - x0, ring[2 * i + 3] * scale - y0
         double_area = ax * by - ay * bx
         area += double_area
         moment_x += double_area * (ax + bx)
@@ -105,8 +100,7 @@ def centroid(ring, count):
         return (min(max((x0 + moment_x / area / 3.0) / scale, min_x), max_x),
                 min(max((y0 + moment_y / area / 3.0) / scale, min_y), max_y))
     # A point, a segment, or so thin that its area is lost.
-    x1 = ring[2 * count - 2] * scale
-    y1 = ring[2 * count - 1] * scale
+    x1, y1 = ring[2 * count - 2] * scale, ring[2 * count - 1] * scale
     return (x0 + (x1 - x0) / 2.0) / scale, (y0 + (y1 - y0) / 2.0) / scale
 
 

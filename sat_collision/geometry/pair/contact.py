@@ -135,8 +135,7 @@ def contact_of_arrays(p, n, q, m):
     and the points: two tuples of x, y on P and x, y on Q.
     """
     require_nearest(n)
-    p = packed_polygon(p, n)
-    q = packed_polygon(q, m)
+    p, q = packed_polygon(p, n), packed_polygon(q, m)
     # The bodies are put in a fixed order, so that ties do not depend on which is named first.
     if not goes_first(q, p):
         return _contact(p, q)
@@ -150,15 +149,13 @@ def _contact(p, q):
     least, found, pair = measure_parts(p, q)
     depth = -least if least < 0.0 else 0.0
     x, y, qx, qy, ux, uy = found
-    nx = -ux
-    ny = -uy
+    nx, ny = -ux, -uy
     convex = p.n > 0 and q.n > 0
     if least == 0.0 and not convex and not (_is_on_cut(p, q) or _is_on_cut(q, p)):
         nx, ny, count, pairs = _touch(p, q)
         return least, depth, nx, ny, count, pairs
     parts = max(1, -q.n)
-    a = convex_part(p, pair // parts)
-    b = convex_part(q, pair % parts)
+    a, b = convex_part(p, pair // parts), convex_part(q, pair % parts)
     count, pairs = _clipped(a.array, _level_edge(a, ux, uy), b.array, _level_edge(b, -ux, -uy),
                             (x, y, qx, qy), ux, uy)
     if least <= 0.0 and not convex:
@@ -198,12 +195,10 @@ def _along(p, a, k):
 
     Up means to larger x or, if x is the same, y. Returned with it are the ends, the lower first.
     """
-    v = a.array
-    w = p.array
+    v, w = a.array, p.array
     m = vertex_after(a, k)
     up = _rises(v[k], v[k + 1], v[m], v[m + 1])
-    low = k if up else m
-    high = m if up else k
+    low, high = (k, m) if up else (m, k)
     ends = v[low], v[low + 1], v[high], v[high + 1]
     # A packed segment begins with its lower end.
     start = first_vertex(p)
@@ -228,8 +223,7 @@ def _touch(p, q):
     The normal is that of a side on which a vertex of the other body is, with its neighbours on
     the line or beyond. Of several it is one that is least against the others.
     """
-    p = outline_of(p)
-    q = outline_of(q)
+    p, q = outline_of(p), outline_of(q)
     # At most two sides of a body are at a vertex of the other.
     sides = scratch(10 * (p.n + q.n))
     split = _write_touched(q, p, 1.0, sides, 0)
@@ -243,8 +237,7 @@ def _touch(p, q):
         if least > best:
             best = least
             chosen = i
-    nx = sides[chosen]
-    ny = sides[chosen + 1]
+    nx, ny = sides[chosen], sides[chosen + 1]
     a, b, k = int(sides[chosen + 2]), int(sides[chosen + 3]), int(sides[chosen + 4])
     v, w = p.array, q.array
     if chosen < split:
@@ -264,18 +257,15 @@ def _write_touched(p, q, sign, sides, place):
     Each is the outward normal times a sign, and the indices of the side's ends and the vertex.
     Return where they end.
     """
-    v = p.array
-    w = q.array
-    first = first_vertex(p)
-    other_first = first_vertex(q)
+    v, w = p.array, q.array
+    first, other_first = first_vertex(p), first_vertex(q)
     for a in range(first, first + 2 * p.n if p.n > 1 else first, 2):
         b = vertex_after(p, a)
         ax, ay, bx, by = v[a], v[a + 1], v[b], v[b + 1]
         for k in range(other_first, other_first + 2 * q.n, 2):
             if (min(ax, bx) <= w[k] <= max(ax, bx) and min(ay, by) <= w[k + 1] <= max(ay, by)
                     and orient(ax, ay, bx, by, w[k], w[k + 1]) == 0):
-                i = vertex_before(q, k)
-                j = vertex_after(q, k)
+                i, j = vertex_before(q, k), vertex_after(q, k)
                 # At a reflex vertex the body reaches behind the line between its neighbours.
                 if (orient(w[i], w[i + 1], w[k], w[k + 1], w[j], w[j + 1]) >= 0
                         and orient(ax, ay, bx, by, w[i], w[i + 1]) <= 0

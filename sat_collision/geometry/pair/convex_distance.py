@@ -70,8 +70,7 @@ class Features(NamedTuple):
 @kernel
 def nearest_features(p, q):
     """Return the nearest features of two disjoint convex polygons."""
-    v = p.array
-    w = q.array
+    v, w = p.array, q.array
     pa, pb, qa, qb = _roughly_nearest(p, q)
     best = _of_segments(v, w, pa, pb, qa, qb)
     for _ in range(p.n + q.n):
@@ -91,10 +90,8 @@ def nearest_features(p, q):
 @kernel
 def of_all_features(p, q):
     """Return the nearest features of two convex polygons by trying all pairs."""
-    v = p.array
-    w = q.array
-    first = first_vertex(p)
-    other_first = first_vertex(q)
+    v, w = p.array, q.array
+    first, other_first = first_vertex(p), first_vertex(q)
     best = _of_segment(v, w, first, first, other_first, other_first)
     for i in range(p.n):
         a = first + 2 * i
@@ -113,14 +110,12 @@ def closest_of(p, q, features):
 
     Each coordinate of a point is rounded once.
     """
-    v = p.array
-    w = q.array
+    v, w = p.array, q.array
     _, pa, pb, qa, qb, nx, ny = features
     size = square_root(dot(nx, ny, nx, ny))
     if size[0] == 0.0:
         return v[pa], v[pa + 1], w[qa], w[qa + 1], 1.0, 0.0
-    ux = quotient(nx, size)[0]
-    uy = quotient(ny, size)[0]
+    ux, uy = quotient(nx, size)[0], quotient(ny, size)[0]
     if pa == pb and qa == qb:
         return v[pa], v[pa + 1], w[qa], w[qa + 1], ux, uy
     ex, ey = _edge(v, w, pa, pb, qa, qb)
@@ -158,14 +153,11 @@ def between(a, b, share):
 @inner
 def _roughly_nearest(p, q):
     """Return vertices pa, pb, qa, qb between which the nearest points are, by plain doubles."""
-    v = p.array
-    w = q.array
+    v, w = p.array, q.array
     pa = pb = first_vertex(p)
     qa = qb = first_vertex(q)
-    ux = w[q.start] - v[p.start]
-    uy = w[q.start + 1] - v[p.start + 1]
-    pw = support(p, ux, uy)
-    qw = support(q, -ux, -uy)
+    ux, uy = w[q.start] - v[p.start], w[q.start + 1] - v[p.start + 1]
+    pw, qw = support(p, ux, uy), support(q, -ux, -uy)
     if pw < 0 or qw < 0:
         return pa, pb, qa, qb
     pa = pb = pw
@@ -173,8 +165,7 @@ def _roughly_nearest(p, q):
     near, ux, uy = _near_segment(v, w, pa, qa, pb, qb)
     enough = _TOLERANCE * reach_of(p, q)
     for _ in range(p.n + q.n):
-        pw = support(p, ux, uy)
-        qw = support(q, -ux, -uy)
+        pw, qw = support(p, ux, uy), support(q, -ux, -uy)
         if pw < 0 or qw < 0:
             break
         if (w[qw] - v[pw]) * ux + (w[qw + 1] - v[pw + 1]) * uy >= near - enough:
@@ -183,12 +174,10 @@ def _roughly_nearest(p, q):
         to_b, bx, by = _near_segment(v, w, pw, qw, pb, qb)
         if to_a <= to_b:
             near, ux, uy = to_a, ax, ay
-            pb = pw
-            qb = qw
+            pb, qb = pw, qw
         else:
             near, ux, uy = to_b, bx, by
-            pa = pw
-            qa = qw
+            pa, qa = pw, qw
     return pa, pb, qa, qb
 
 
@@ -202,10 +191,8 @@ def _near_segment(p, q, pa, qa, pb, qb):
 @kernel
 def reach_of(p, q):
     """Return the greatest magnitude of a coordinate of two packed polygons."""
-    a = p.array
-    b = q.array
-    i = p.start
-    j = q.start
+    a, b = p.array, q.array
+    i, j = p.start, q.start
     return max(max(max(-a[i + 2], a[i + 4]), max(-a[i + 3], a[i + 5])),
                max(max(-b[j + 2], b[j + 4]), max(-b[j + 3], b[j + 5])))
 
@@ -240,8 +227,7 @@ def _of_segment(v, w, pa, pb, qa, qb):
     height = cross(ax, ay, ex, ey)
     if height[0] < 0.0:
         height = negative(height)
-        ex = negative(ex)
-        ey = negative(ey)
+        ex, ey = negative(ex), negative(ey)
     distance = quotient(height, square_root(dot(ex, ey, ex, ey)))[0]
     return Features(distance, pa, pb, qa, qb, ey, negative(ex))
 
@@ -336,8 +322,7 @@ def _least_reach(p, q, slack):
     underflow), and the indices of the vertex at which the edge starts and of the vertex of Q that
     reaches so far.
     """
-    v = p.array
-    w = q.array
+    v, w = p.array, q.array
     first = first_vertex(p)
     count = p.n if p.n > 1 else 0
     rough = scratch(count)
@@ -345,8 +330,7 @@ def _least_reach(p, q, slack):
     for i in range(count):
         a = first + 2 * i
         b = vertex_after(p, a)
-        ex = v[b] - v[a]
-        ey = v[b + 1] - v[a + 1]
+        ex, ey = v[b] - v[a], v[b + 1] - v[a + 1]
         long = max(abs(ex), abs(ey)) > SHORT
         ex, ey = unit(ex, ey)
         j = support(q, -ey, ex)
@@ -385,13 +369,11 @@ def _move(p, q, a, j):
     normal, or nearly: the boundary of the Minkowski difference is followed from the edge on to
     where a point of Q is opposite one of P. Each coordinate is rounded once.
     """
-    v = p.array
-    w = q.array
+    v, w = p.array, q.array
     i, c = a, vertex_after(p, a)
     ex, ey = _line(v, i, c)
     size = square_root(dot(ex, ey, ex, ey))
-    ux = quotient(ey, size)[0]
-    uy = -quotient(ex, size)[0]
+    ux, uy = quotient(ey, size)[0], -quotient(ex, size)[0]
     k = d = j
     forward = dot(ex, ey, *offset(v, w, a, j))[0] >= 0.0
     if not forward:

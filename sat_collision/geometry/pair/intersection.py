@@ -79,8 +79,7 @@ def meet_near(p, q, i, j):
     lemma 11). Most touching pairs are recognised by their edges next to the vertices at i and j,
     where the search ended.
     """
-    i = max(i, first_vertex(p))
-    j = max(j, first_vertex(q))
+    i, j = max(i, first_vertex(p)), max(j, first_vertex(q))
     for a in (vertex_before(p, i), i):
         for b in (vertex_before(q, j), j):
             if _edges_meet(p, a, q, b):
@@ -93,16 +92,14 @@ def meet_near(p, q, i, j):
 @kernel
 def interiors_apart(p, q):
     """Decide exactly whether an edge of one convex polygon has no point of the other inside it."""
-    i = first_vertex(p)
-    j = first_vertex(q)
+    i, j = first_vertex(p), first_vertex(q)
     return _some_edge_separates(p, q, i, j, 1) or _some_edge_separates(q, p, j, i, 1)
 
 
 @inner
 def _edges_meet(p, a, q, c):
     """Return whether the edges of P and Q that start at the vertices at a and c share a point."""
-    v = p.array
-    w = q.array
+    v, w = p.array, q.array
     b = vertex_after(p, a)
     d = vertex_after(q, c)
     return segments_meet(v[a], v[a + 1], v[b], v[b + 1], w[c], w[c + 1], w[d], w[d + 1])
@@ -113,8 +110,7 @@ def _some_edge_separates(p, q, i, j, inner):
     """Decide exactly whether, for some edge of P, `orient` of all of Q is less than inner."""
     if p.n < 2:
         return False
-    v = p.array
-    w = q.array
+    v, w = p.array, q.array
     a = vertex_before(p, i)
     c = j
     for _ in range(p.n):

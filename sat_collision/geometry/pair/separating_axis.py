@@ -65,8 +65,7 @@ class Search(NamedTuple):
 @inlined
 def boxes_apart(p, q):
     """Return whether the bounding boxes of two packed polygons share no point."""
-    a = p.array
-    b = q.array
+    a, b = p.array, q.array
     # Bitwise, to have one branch instead of four that would be mispredicted.
     return ((a[p.start + 2] > b[q.start + 4]) | (b[q.start + 2] > a[p.start + 4])
             | (a[p.start + 3] > b[q.start + 5]) | (b[q.start + 3] > a[p.start + 5]))
@@ -85,8 +84,7 @@ def find_separating_axis(p, q):
     queries = 0
     while verdict == OPEN and queries < MAX_QUERIES:
         queries += 1
-        i = support(p, search.ux, search.uy)
-        j = support(q, -search.ux, -search.uy)
+        i, j = support(p, search.ux, search.uy), support(q, -search.ux, -search.uy)
         verdict, search = refine(p.array, i, q.array, j, search)
     return UNCERTAIN if verdict == OPEN else verdict, i, j, queries
 
@@ -94,14 +92,11 @@ def find_separating_axis(p, q):
 @inlined
 def first_axis(p, q):
     """Compare the discs inside two polygons; return MEET or OPEN, and the Search to start with."""
-    a = p.array
-    b = q.array
-    i = p.start
-    j = q.start
+    a, b = p.array, q.array
+    i, j = p.start, q.start
     reach_x = max(max(-a[i + 2], a[i + 4]), max(-b[j + 2], b[j + 4]))
     reach_y = max(max(-a[i + 3], a[i + 5]), max(-b[j + 3], b[j + 5]))
-    ux = b[j] - a[i]
-    uy = b[j + 1] - a[i + 1]
+    ux, uy = b[j] - a[i], b[j + 1] - a[i + 1]
     inner = a[i + 6] + b[j + 6]
     verdict = OPEN
     if ux * ux + uy * uy < inner * inner or (ux == 0.0 and uy == 0.0):
@@ -120,8 +115,7 @@ def refine(p, i, q, j, search):
     ax, ay, bx, by, ux, uy, reach_x, reach_y = search
     verdict = UNCERTAIN
     if i >= 0 and j >= 0:
-        wx = q[j] - p[i]
-        wy = q[j + 1] - p[i + 1]
+        wx, wy = q[j] - p[i], q[j + 1] - p[i + 1]
         from_a = _turn(ax, ay, wx, wy)
         to_b = _turn(wx, wy, bx, by)
         gap = _gap(wx, wy, search)
@@ -132,12 +126,10 @@ def refine(p, i, q, j, search):
                 verdict = MEET
             elif from_a > 0 and to_b < 0:
                 verdict = OPEN
-                bx = wx
-                by = wy
+                bx, by = wx, wy
             elif from_a < 0 and to_b > 0:
                 verdict = OPEN
-                ax = wx
-                ay = wy
+                ax, ay = wx, wy
     return verdict, Search(ax, ay, bx, by, by - ay, ax - bx, reach_x, reach_y)
 
 
@@ -206,8 +198,7 @@ def _is_level(v, i, k, ux, uy):
     left, as edges do near the summit and do not near the lowest vertex. See docs/exactness.md,
     lemma 7.
     """
-    dx = v[k] - v[i]
-    dy = v[k + 1] - v[i + 1]
+    dx, dy = v[k] - v[i], v[k + 1] - v[i + 1]
     size = abs(dx * ux) + abs(dy * uy)
     return ((_LEAST_LEVEL < size < _INFINITY or (ux == 0.0 and dy == 0.0)
              or (uy == 0.0 and dx == 0.0))
@@ -217,8 +208,7 @@ def _is_level(v, i, k, ux, uy):
 @inlined
 def _rise(v, i, k, ux, uy):
     """Return the sign of the step along u from the vertex at i to that at k, 0 if not certain."""
-    along_x = (v[k] - v[i]) * ux
-    along_y = (v[k + 1] - v[i + 1]) * uy
+    along_x, along_y = (v[k] - v[i]) * ux, (v[k + 1] - v[i + 1]) * uy
     rise = along_x + along_y
     bound = PRODUCT_BOUND * (abs(along_x) + abs(along_y)) + UNDERFLOW_BOUND
     return (rise > bound) - (-rise > bound)
@@ -227,8 +217,7 @@ def _rise(v, i, k, ux, uy):
 @inlined
 def _gap(wx, wy, search):
     """Return the sign of w . u for the true support vertices, 0 if not certain."""
-    along_x = wx * search.ux
-    along_y = wy * search.uy
+    along_x, along_y = wx * search.ux, wy * search.uy
     gap = along_x + along_y
     bound = (PRODUCT_BOUND * (abs(along_x) + abs(along_y))
              + SUPPORT_BOUND * (abs(search.ux) * search.reach_x + abs(search.uy) * search.reach_y)

@@ -80,10 +80,8 @@ def way_out(p, q):
     If too many differences are within reach, see `_MOST_WORK`, it is the shortest along an axis or
     a normal of a side after which a straight line is between the bodies.
     """
-    i = p.start
-    j = q.start
-    x = min(p.array[i + 2], q.array[j + 2])
-    y = min(p.array[i + 3], q.array[j + 3])
+    i, j = p.start, q.start
+    x, y = min(p.array[i + 2], q.array[j + 2]), min(p.array[i + 3], q.array[j + 3])
     scale = scale_to_one(reach_of(p, q))
     best = _straight_way(_outline(p, x, y, scale), _outline(q, x, y, scale))
     clear = _CLEAR * max(max(p.array[i + 4], q.array[j + 4]) * scale - x * scale,
@@ -94,8 +92,7 @@ def way_out(p, q):
     size = 0
     work = 0
     for k in range(len(pairs)):
-        a = convex_part(p, pairs[k] // parts)
-        b = convex_part(q, pairs[k] % parts)
+        a, b = convex_part(p, pairs[k] // parts), convex_part(q, pairs[k] % parts)
         areas[k] = _box_area(a, b)
         size += a.n + b.n + 4
         work += (a.n + b.n + 4) ** 2
@@ -137,10 +134,8 @@ def _straight_way(v, w):
 @inlined
 def _box_area(a, b):
     """Return the area of the box of the difference of two parts."""
-    v = a.array
-    w = b.array
-    i = a.start
-    j = b.start
+    v, w = a.array, b.array
+    i, j = a.start, b.start
     return ((v[i + 4] - v[i + 2] + w[j + 4] - w[j + 2])
             * (v[i + 5] - v[i + 3] + w[j + 5] - w[j + 3]))
 
@@ -186,8 +181,7 @@ def _differences(a, b, pairs, size, clear, length):
     count = 0
     place = 0
     for pair in pairs:
-        i = pair // len(w_ends)
-        j = pair % len(w_ends)
+        i, j = pair // len(w_ends), pair % len(w_ends)
         start = place
         place = _write_sides(Part(v, v_ends[i - 1] // 2 if i > 0 else 0, v_ends[i] // 2),
                              Part(w, w_ends[j - 1] // 2 if j > 0 else 0, w_ends[j] // 2),
@@ -214,8 +208,7 @@ def _nearest(differences, clear, best):
     for i in range(differences.used):
         end = ends[i]
         for k in range(first, end, 3):
-            nx = s[k]
-            ny = s[k + 1]
+            nx, ny = s[k], s[k + 1]
             height = s[k + 2] + (1.0 - _HALF_PLANES) * clear
             if not 0.0 < height < best.length:
                 continue
@@ -230,8 +223,7 @@ def _nearest(differences, clear, best):
                 line = Line(nx * height, ny * height, -sign * ny, sign * nx)
                 aside, latest = _uncovered(Differences(s, ends, differences.used), line, start,
                                            stop, latest)
-                x = line.x + aside * line.wx
-                y = line.y + aside * line.wy
+                x, y = line.x + aside * line.wx, line.y + aside * line.wy
                 found = math.sqrt(x * x + y * y)
                 if aside < stop and found < best.length:
                     ux, uy = (nx, ny) if aside == 0.0 else unit(x, y)
@@ -248,8 +240,7 @@ def _stretch(difference, k, height, more):
     Places are to the left of the line's point nearest to the origin, whose height is given.
     """
     s = difference.array
-    nx = s[k]
-    ny = s[k + 1]
+    nx, ny = s[k], s[k + 1]
     low = -math.inf
     high = math.inf
     for m in range(difference.first, difference.end, 3):
@@ -273,8 +264,7 @@ def _uncovered(differences, line, aside, stop, latest):
     i = latest
     tried = 0
     while tried < count:
-        x = line.x + aside * line.wx
-        y = line.y + aside * line.wy
+        x, y = line.x + aside * line.wx, line.y + aside * line.wy
         left = math.inf
         for k in range(ends[i - 1] if i > 0 else 0, ends[i], 3):
             reach = s[k + 2] - (s[k] * x + s[k + 1] * y)

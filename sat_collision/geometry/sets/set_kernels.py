@@ -203,8 +203,7 @@ def decide_rows(set_array, other_array, answers):
 def measure_rows(set_array, other_array, values):
     """Write for each row the separation of its bodies, infinity where a set has none."""
     require_nearest(len(values))
-    rows = rows_of(set_array)
-    others = rows_of(other_array)
+    rows, others = rows_of(set_array), rows_of(other_array)
     for row in range(len(values)):
         values[row] = math.inf
         if rows.n[row] != 0 and others.n[row] != 0:
@@ -214,8 +213,7 @@ def measure_rows(set_array, other_array, values):
 @inlined
 def _meet(pairs, row, slot):
     """Decide exactly whether bodies meet; the slot has where a search of convex ones ended."""
-    p = body_of(pairs.rows, row)
-    q = body_of(pairs.others, row)
+    p, q = body_of(pairs.rows, row), body_of(pairs.others, row)
     if p.n > 0 and q.n > 0:
         return meet_near(p, q, pairs.places[2 * slot], pairs.places[2 * slot + 1])
     return bodies_meet(p, q)
@@ -238,8 +236,7 @@ def _begin(pairs, start, end, used):
         if ahead < used:
             _prefetch(body_of(rows, ahead))
             _prefetch(body_of(others, ahead))
-        p = body_of(rows, row)
-        q = body_of(others, row)
+        p, q = body_of(rows, row), body_of(others, row)
         slot = row - start
         if p.n == 0 or q.n == 0 or boxes_apart(p, q):
             verdicts[row] = SEPARATE
@@ -270,8 +267,7 @@ def _go_on(pairs, start, count):
         for k in range(count):
             row = pending[k]
             slot = row - start
-            ux = searches[_STATE * slot + 4]
-            uy = searches[_STATE * slot + 5]
+            ux, uy = searches[_STATE * slot + 4], searches[_STATE * slot + 5]
             i = table_sector(rows.n[row], ux, uy)
             j = table_sector(others.n[row], -ux, -uy)
             prefetch(rows.packed, table_place(rows.start[row], i))
@@ -292,8 +288,7 @@ def _go_on(pairs, start, count):
             row = pending[k]
             slot = row - start
             search = _load(searches, slot)
-            p = body_of(rows, row)
-            q = body_of(others, row)
+            p, q = body_of(rows, row), body_of(others, row)
             i = hill_climb(p, places[2 * slot], search.ux, search.uy)
             j = hill_climb(q, places[2 * slot + 1], -search.ux, -search.uy)
             verdict, search = refine(p.array, i, q.array, j, search)

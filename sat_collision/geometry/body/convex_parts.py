@@ -38,8 +38,7 @@ def convex_parts(vertices):
     total = len(corner_vertex)
     corners = np.empty(total, np.int64)
     ends = np.empty(total, np.int64)
-    used = 0
-    parts = 0
+    used = parts = 0
     for start in range(total):
         corner = start
         if following[corner] < 0:
@@ -86,13 +85,10 @@ def _triangulate(vertices):
     following = np.empty(3 * count, np.int64)
     previous = np.empty(3 * count, np.int64)
     diagonals = np.empty((count, 2), np.int64)
-    corners = 0
-    cuts = 0
+    corners = cuts = j = 0
     left = count
-    j = 0
     while left > 2:
-        i = before[j]
-        k = after[j]
+        i, k = before[j], after[j]
         known = in_the_way[j]
         if known == _REFLEX or (known >= 0 and after[known] >= 0):
             j = k
@@ -124,8 +120,7 @@ def _triangulate(vertices):
         after[i] = k
         before[k] = i
         after[j] = -1
-        in_the_way[i] = _UNKNOWN
-        in_the_way[k] = _UNKNOWN
+        in_the_way[i] = in_the_way[k] = _UNKNOWN
         left -= 1
         j = i
     return corner_vertex[:corners], following[:corners], previous[:corners], diagonals[:cuts]
@@ -154,14 +149,10 @@ def _vertex_inside(vertices, after, i, j, k):
 def _merge(vertices, corner_vertex, following, previous, diagonals):
     """Join the parts on both sides of each diagonal whose removal leaves both ends convex."""
     for d in range(len(diagonals)):
-        out = diagonals[d, 0]
-        back = diagonals[d, 1]
-        out_next = following[out]
-        back_next = following[back]
-        out_before = previous[out]
-        back_before = previous[back]
-        a = corner_vertex[out]
-        c = corner_vertex[back]
+        out, back = diagonals[d, 0], diagonals[d, 1]
+        out_next, back_next = following[out], following[back]
+        out_before, back_before = previous[out], previous[back]
+        a, c = corner_vertex[out], corner_vertex[back]
         if (_turn(vertices, corner_vertex[out_before], a,
                   corner_vertex[following[back_next]]) >= 0
                 and _turn(vertices, corner_vertex[back_before], c,
@@ -170,5 +161,4 @@ def _merge(vertices, corner_vertex, following, previous, diagonals):
             previous[back_next] = out_before
             following[back_before] = out_next
             previous[out_next] = back_before
-            following[out] = -1
-            following[back] = -1
+            following[out] = following[back] = -1

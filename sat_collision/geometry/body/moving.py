@@ -185,8 +185,7 @@ def parts_about(p, x, y, scale):
 def write_relative(points, x, y, scale, array, place):
     """Write points, given as a Part, relative to x, y, times a power of two; return their end."""
     v = points.array
-    before = min(scale, 1.0)
-    after = max(scale, 1.0)
+    before, after = min(scale, 1.0), max(scale, 1.0)
     for k in range(points.first, points.end, 2):
         array[place] = (v[k] * before - x * before) * after
         array[place + 1] = (v[k + 1] * before - y * before) * after

@@ -105,9 +105,7 @@ def write_packed(points, received, ring, walk, packed, max_vertices, max_non_con
         if clockwise:
             _reverse(ring, count)
         first = HEADER + table_size(count)
-        packed[0] = ring[0]
-        packed[1] = ring[1]
-        packed[6] = 0.0
+        packed[0], packed[1], packed[6] = ring[0], ring[1], 0.0
         packed[2], packed[3], packed[4], packed[5] = bounds_of(ring, count)
         if verdict == CONVEX:
             _write_table(ring, count, packed)
@@ -224,8 +222,7 @@ def write_inner_disc(ring, count, packed):
         height = (ex * (y - ring[2 * i + 1]) - ey * (x - ring[2 * i])) / size
         certain = certain and height < _INFINITY and _LEAST_EDGE < size
         radius = min(radius, height)
-    packed[0] = x
-    packed[1] = y
+    packed[0], packed[1] = x, y
     radius -= _SHORTER * (radius + extent)
     if certain and _LEAST_RADIUS < radius:
         packed[6] = radius
@@ -272,14 +269,10 @@ def _classify(points, received, ring, walk):
     if count < 0:
         return NOT_FINITE, 0, False, -1 - count
     if count == 1:
-        ring[0] = walk[0]
-        ring[1] = walk[1]
+        ring[0], ring[1] = walk[0], walk[1]
         return CONVEX, 1, False, -1
-    kept = 0
-    left = 0
-    minima = 0
+    kept = left = minima = turn_at_least = 0
     spike = -1
-    turn_at_least = 0
     before = least - 1 if least > 0 else count - 1
     before_x, before_y = walk[2 * before], walk[2 * before + 1]
     for k in range(count):
@@ -297,8 +290,7 @@ def _classify(points, received, ring, walk):
         if k == 0:
             turn_at_least = turn
         if turn != 0:
-            ring[2 * kept] = x
-            ring[2 * kept + 1] = y
+            ring[2 * kept], ring[2 * kept + 1] = x, y
             kept += 1
             left += turn > 0
         before_x, before_y = x, y
@@ -306,8 +298,7 @@ def _classify(points, received, ring, walk):
         _span(walk, count, least, ring)
         return CONVEX, 2, False, -1
     if spike >= 0:
-        ring[0] = walk[2 * spike]
-        ring[1] = walk[2 * spike + 1]
+        ring[0], ring[1] = walk[2 * spike], walk[2 * spike + 1]
         return SPIKE, 1, False, 0
     convex = minima == 1 and (left == kept or left == 0)
     return (CONVEX if convex else NON_CONVEX), kept, turn_at_least < 0, -1
@@ -320,16 +311,14 @@ def _drop_repeated(points, received, walk):
 
     The number is -1 - i if point i is not finite; the least point is so by x, then y.
     """
-    count = 0
-    least = 0
+    count = least = 0
     for i in range(received):
         # Adding zero turns -0.0 into 0.0, so that equal vertices have equal bytes.
         x, y = points[2 * i] + 0.0, points[2 * i + 1] + 0.0
         if x - x != 0.0 or y - y != 0.0:
             return -1 - i, 0
         if count == 0 or x != walk[2 * count - 2] or y != walk[2 * count - 1]:
-            walk[2 * count] = x
-            walk[2 * count + 1] = y
+            walk[2 * count], walk[2 * count + 1] = x, y
             if x < walk[2 * least] or (x == walk[2 * least] and y < walk[2 * least + 1]):
                 least = count
             count += 1
@@ -372,15 +361,13 @@ def _first_crossing(ring, count):
         ax, ay = ring[2 * i], ring[2 * i + 1]
         bx, by = ring[2 * i_end], ring[2 * i_end + 1]
         max_x = max(ax, bx)
-        min_y = min(ay, by)
-        max_y = max(ay, by)
+        min_y, max_y = min(ay, by), max(ay, by)
         for t in range(s + 1, count):
             if least[t] > max_x:
                 break
             j = order[t]
             j_end = j + 1 if j + 1 < count else 0
-            cy = ring[2 * j + 1]
-            dy = ring[2 * j_end + 1]
+            cy, dy = ring[2 * j + 1], ring[2 * j_end + 1]
             if (cy < min_y and dy < min_y) or (cy > max_y and dy > max_y):
                 continue
             if (i_end != j and j_end != i

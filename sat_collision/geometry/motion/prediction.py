@@ -266,8 +266,7 @@ def _distances(body, motion):
     """Return `inner` and `outer` of a path, or the same of a body at rest."""
     v = elements(body.array)
     size = len(body.array)
-    least = math.inf
-    most = -math.inf
+    least, most = math.inf, -math.inf
     if motion.turn == 0.0:
         ux, uy = unit(motion.vx, motion.vy)
         for k in range(0, size, 2):

@@ -166,8 +166,7 @@ def _first_contact_of_parts(p, q, tolerance, apart, before):
     reach = max(_reach(p), _reach(q))
     margin = _MARGIN * (reach + apart) + UNDERFLOW_BOUND
     near = apart + max(tolerance / 2.0, 8.0 * margin)
-    clear = 0.0
-    touching = 0.0
+    clear = touching = 0.0
     while clear < before:
         distance, ux, uy = _separation(p, q, clear, margin)
         if distance <= near and clear > 0.0:

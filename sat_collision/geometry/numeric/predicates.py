@@ -48,8 +48,7 @@ def orient(ax, ay, bx, by, cx, cy):
     """Return 1 if points a, b, c turn left, -1 if right, 0 if they are collinear; exact."""
     acx, acy = ax - cx, ay - cy
     bcx, bcy = bx - cx, by - cy
-    left = acx * bcy
-    right = acy * bcx
+    left, right = acx * bcy, acy * bcx
     determinant = left - right
     bound = ORIENTATION_BOUND * (abs(left) + abs(right)) + UNDERFLOW_BOUND
     # Strict, so that overflow (infinity > infinity) and NaN go on to the exact stages.
@@ -68,8 +67,7 @@ def _orient_adaptive(ax, ay, bx, by, cx, cy):
     if (largest < _LARGEST_SPLIT
             and difference_error(ax, cx, acx) == 0.0 and difference_error(bx, cx, bcx) == 0.0
             and difference_error(ay, cy, acy) == 0.0 and difference_error(by, cy, bcy) == 0.0):
-        left = acx * bcy
-        right = acy * bcx
+        left, right = acx * bcy, acy * bcx
         if ((abs(left) > _SMALLEST_PRODUCT or acx == 0.0 or bcy == 0.0)
                 and (abs(right) > _SMALLEST_PRODUCT or acy == 0.0 or bcx == 0.0)):
             # Rounding is monotone, so heads decide if they differ; if they are equal, tails do.

@@ -271,11 +271,8 @@ def _write_touched(p, q, sign, sides, place):
                         and orient(ax, ay, bx, by, w[i], w[i + 1]) <= 0
                         and orient(ax, ay, bx, by, w[j], w[j + 1]) <= 0):
                     ex, ey = unit(bx - ax, by - ay)
-                    sides[place] = sign * ey
-                    sides[place + 1] = -sign * ex
-                    sides[place + 2] = a
-                    sides[place + 3] = b
-                    sides[place + 4] = k
+                    sides[place], sides[place + 1] = sign * ey, -sign * ex
+                    sides[place + 2], sides[place + 3], sides[place + 4] = a, b, k
                     place += 5
     return place
 

@@ -80,8 +80,7 @@ def find_separating_axis(p, q):
     support vertices of P and Q, 0 or -1 if there are none; and how many axes were tried.
     """
     verdict, search = first_axis(p, q)
-    i = j = 0
-    queries = 0
+    i = j = queries = 0
     while verdict == OPEN and queries < MAX_QUERIES:
         queries += 1
         i, j = support(p, search.ux, search.uy), support(q, -search.ux, -search.uy)
@@ -229,8 +228,7 @@ def _gap(wx, wy, search):
 @inlined
 def _turn(ax, ay, bx, by):
     """Return the sign of the cross product of two rounded differences, 0 if not certain."""
-    left = ax * by
-    right = ay * bx
+    left, right = ax * by, ay * bx
     cross = left - right
     bound = PRODUCT_BOUND * (abs(left) + abs(right)) + UNDERFLOW_BOUND
     return (cross > bound) - (-cross > bound)

@@ -89,8 +89,7 @@ def way_out(p, q):
     pairs = open_pairs(p, q, (best.length + 2.0 * clear) / scale)
     areas = np.empty(len(pairs))
     parts = max(1, -q.n)
-    size = 0
-    work = 0
+    size = work = 0
     for k in range(len(pairs)):
         a, b = convex_part(p, pairs[k] // parts), convex_part(q, pairs[k] % parts)
         areas[k] = _box_area(a, b)
@@ -164,8 +163,7 @@ def _write_sides(a, b, sides, place):
 @inner
 def _write_side(a, b, ux, uy, sides, place):
     """Write the half-plane with a normal; return where it ends."""
-    sides[place] = ux
-    sides[place + 1] = uy
+    sides[place], sides[place + 1] = ux, uy
     sides[place + 2] = (reach_along(b.array, b.first, b.end, ux, uy)
                         + reach_along(a.array, a.first, a.end, -ux, -uy))
     return place + 3
@@ -178,8 +176,7 @@ def _differences(a, b, pairs, size, clear, length):
     w, w_ends = b
     sides = scratch(3 * size)
     ends = scratch_integers(len(pairs))
-    count = 0
-    place = 0
+    count = place = 0
     for pair in pairs:
         i, j = pair // len(w_ends), pair % len(w_ends)
         start = place
@@ -203,8 +200,7 @@ def _nearest(differences, clear, best):
     """Return the way to the nearest point in no difference, if it is shorter than the best."""
     s = elements(differences.sides)
     ends = elements(differences.ends)
-    latest = 0
-    first = 0
+    latest = first = 0
     for i in range(differences.used):
         end = ends[i]
         for k in range(first, end, 3):
@@ -241,8 +237,7 @@ def _stretch(difference, k, height, more):
     """
     s = difference.array
     nx, ny = s[k], s[k + 1]
-    low = -math.inf
-    high = math.inf
+    low, high = -math.inf, math.inf
     for m in range(difference.first, difference.end, 3):
         reach = s[m + 2] + more - (s[m] * nx + s[m + 1] * ny) * height
         growth = s[m + 1] * nx - s[m] * ny

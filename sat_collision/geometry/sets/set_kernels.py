@@ -84,10 +84,8 @@ def write_row(set_array, row, body, count):
     if same:
         return UNCHANGED
     rows.n[row] = count
-    rows.min_x[row] = body[2]
-    rows.min_y[row] = body[3]
-    rows.max_x[row] = body[4]
-    rows.max_y[row] = body[5]
+    rows.min_x[row], rows.min_y[row] = body[2], body[3]
+    rows.max_x[row], rows.max_y[row] = body[4], body[5]
     return 0
 
 
@@ -245,8 +243,7 @@ def _begin(pairs, start, end, used):
         elif p.n <= SCAN_LIMIT or q.n <= SCAN_LIMIT:
             verdict, i, j, _ = find_separating_axis(p, q)
             verdicts[row] = verdict
-            places[2 * slot] = i
-            places[2 * slot + 1] = j
+            places[2 * slot], places[2 * slot + 1] = i, j
         else:
             verdict, search = first_axis(p, q)
             verdicts[row] = verdict
@@ -272,8 +269,7 @@ def _go_on(pairs, start, count):
             j = table_sector(others.n[row], -ux, -uy)
             prefetch(rows.packed, table_place(rows.start[row], i))
             prefetch(others.packed, table_place(others.start[row], j))
-            places[2 * slot] = i
-            places[2 * slot + 1] = j
+            places[2 * slot], places[2 * slot + 1] = i, j
         for k in range(count):
             row = pending[k]
             slot = row - start
@@ -281,8 +277,7 @@ def _go_on(pairs, start, count):
             j = near_support(body_of(others, row), places[2 * slot + 1])
             _prefetch_neighbours(rows.packed, i)
             _prefetch_neighbours(others.packed, j)
-            places[2 * slot] = i
-            places[2 * slot + 1] = j
+            places[2 * slot], places[2 * slot + 1] = i, j
         left = 0
         for k in range(count):
             row = pending[k]
@@ -293,8 +288,7 @@ def _go_on(pairs, start, count):
             j = hill_climb(q, places[2 * slot + 1], -search.ux, -search.uy)
             verdict, search = refine(p.array, i, q.array, j, search)
             verdicts[row] = verdict
-            places[2 * slot] = i
-            places[2 * slot + 1] = j
+            places[2 * slot], places[2 * slot + 1] = i, j
             if verdict == OPEN:
                 _store(searches, slot, search)
                 pending[left] = row

@@ -9,8 +9,6 @@
 
 """Where bodies meet, for drawing only: it is rounded."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import product
 import math

@@ -22,8 +22,6 @@ The other processes end when they are done, or with this one: it ends them at it
 it is killed they see the end of their standard input.
 """
 
-from __future__ import annotations
-
 import atexit
 from collections.abc import Callable
 import gc

@@ -17,8 +17,6 @@ a point, the outline of some part does, and the hull of that part has the point.
 nothing else while the parts stay convex: always, if the body is rigid or convex all the way.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

@@ -8,8 +8,6 @@
 # language governing permissions and limitations under the License.
 """Whether kernels are compiled, and messages to users about it; does not need numba."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 import hashlib
 import logging

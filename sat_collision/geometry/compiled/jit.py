@@ -15,8 +15,6 @@ compiled, without it the same function runs as Python; both do the same IEEE dou
 the same order, so the answers are identical. ``NUMBA_DISABLE_JIT=1`` selects plain Python.
 """
 
-from __future__ import annotations
-
 from contextlib import suppress
 from pathlib import Path
 import platform

@@ -28,8 +28,6 @@ were run with the versions `OLDEST` and `NEWEST`. With one that is not between t
 cannot be imported, and `jit` takes numba as it is.
 """
 
-from __future__ import annotations
-
 import hashlib
 from pathlib import Path
 import pickle

@@ -23,8 +23,6 @@ turns keeps its distance from the centre of rotation, and a point of one that mo
 distance from a line along the path.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 import math
 from typing import Any, NamedTuple

@@ -90,8 +90,7 @@ def rows_near(rows, indexed, box):
     """
     Return the rows whose bounds meet a box, min x, min y, max x, max y, ascending.
 
-    They are the first elements of an array, which comes with their number. Rows without a body may
-    be among them.
+    They are the first elements of an array, which comes with their number; some may have no body.
     """
     if indexed:
         found, near = _search(rows, box)

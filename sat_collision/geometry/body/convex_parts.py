@@ -30,8 +30,7 @@ def convex_parts(vertices):
     """
     Return the convex parts of a simple counter-clockwise ring x, y, ... without repeated vertices.
 
-    Returned are the vertex indices of the parts, one counter-clockwise part after another, and the
-    end of each part among them.
+    Returned are the vertex indices of the parts, all counter-clockwise, and where each part ends.
     """
     corner_vertex, following, previous, diagonals = _triangulate(vertices)
     _merge(vertices, corner_vertex, following, previous, diagonals)

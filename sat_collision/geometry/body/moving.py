@@ -39,8 +39,7 @@ _LEAST_SCALE = 2.0 ** -1000
 class MovingBody(NamedTuple):
     """A moving body as the kernels of `sweep` read it."""
 
-    # Flat array of float64: x, y at time 0 and x, y at time 1 of each vertex of the convex parts,
-    # part after part.
+    # Flat array of float64: part after part, x, y at time 0 and x, y at time 1 of each vertex.
     array: Any
     # (k,) array of int64: the index at which each part ends.
     ends: Any

@@ -54,8 +54,7 @@ _INFINITY = float('inf')
 
 def workspace(max_vertices: int) -> Any:
     """Return the array in which kernels pack polygons of up to so many vertices, see `Run`."""
-    # For the packed polygon, its points, its ring, and the points without repetitions; each may
-    # have a closing point.
+    # For the packed polygon, its points, ring, and points without repetitions; each may be closed.
     return indexable(np.empty(4 * packed_size(max_vertices + 1)))
 
 
@@ -68,9 +67,8 @@ def pack(points, packed, max_vertices, max_non_convex):
     examined any further. The packed array has room for as many vertices as there are points.
 
     Returned are the verdict, CONVEX or NON_CONVEX if the points are valid; the number of vertices
-    in the ring; two indices that explain other verdicts; and the index at which the vertices start
-    in the array, 0 if the points are not valid. Of a non-convex polygon only bounds and vertices
-    are written.
+    in the ring; two indices that explain other verdicts; and where vertices start in the array,
+    0 if the points are not valid. Of a non-convex polygon only bounds and vertices are written.
 
     NOT_FINITE: the first index is that of the received point. SPIKE: it is that of the vertex of
     the ring at which the boundary folds back on itself. CROSSING: the edges that start at both

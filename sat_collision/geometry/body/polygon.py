@@ -29,8 +29,7 @@ from sat_collision.geometry.compiled.jit import COMPILED, indexable, KERNEL
 from sat_collision.geometry.numeric.vectors import centroid
 
 MAX_VERTICES = 1024
-# Max vertices that plain Python cuts into convex parts and measures in time, see
-# docs/reliability.md.
+# As many as plain Python cuts into convex parts and measures in time, see docs/reliability.md.
 _MAX_NON_CONVEX = 128
 # Messages with more points than this times the max vertices are refused unread.
 _POINTS_FOR_A_VERTEX = 8

@@ -13,8 +13,7 @@ Checks that floating point is what the proofs assume.
 Results must be rounded to nearest, underflow must be gradual, and multiplications must not be
 fused with additions, see docs/exactness.md. The import checks all of this once, and fails if it
 does not hold. The first two are modes of a thread, which any library may change at any time (one
-linked with ``-ffast-math`` does so when it is loaded), so every kernel that Python calls checks
-them again.
+linked with ``-ffast-math`` does so when loaded), so every kernel that Python calls checks again.
 """
 
 from sat_collision.geometry.compiled.jit import HAS_CONTROL_WORD, kernel

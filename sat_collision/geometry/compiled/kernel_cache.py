@@ -72,8 +72,7 @@ def prepared_mark(others: Path) -> Path | None:
     """
     Return the file whose existence says that all current kernels are kept, for this processor.
 
-    Kernels are those in `sat_collision.geometry` and in another folder. None if nothing is
-    compiled, or can be kept.
+    Kernels are those in `sat_collision.geometry` and another folder. None if none can be kept.
     """
     if config.DISABLE_JIT:
         return None

@@ -46,8 +46,7 @@ _HIDDEN = 16.0 * 2.0 ** -106
 _LOST = 2.0 ** -1022
 # The direction of an edge below this length may be an artefact of underflow.
 SHORT = 2.0 ** -900
-# Exceeds the rounding error of a distance along an axis, relative to the largest coordinate: see
-# docs/exactness.md, lemma 20.
+# Exceeds the rounding error of a distance along an axis, relative to the coordinates: lemma 20.
 ROUNDING = 2.0 ** -47
 # Offsets along an edge up to this, relative to the largest coordinate, count as zero.
 _NO_OFFSET = 2.0 ** -92
@@ -319,8 +318,7 @@ def _least_reach(p, q, slack):
     Find the edge of P behind which Q reaches least far.
 
     Returned are this depth as a double-double (infinite if P is a point, or like one by
-    underflow), and the indices of the vertex at which the edge starts and of the vertex of Q that
-    reaches so far.
+    underflow), and the vertices at which the edge starts and up to which Q reaches.
     """
     v, w = p.array, q.array
     first = first_vertex(p)

@@ -76,8 +76,7 @@ def meet_near(p, q, i, j):
     Two convex polygons are separate iff some edge of one has every vertex of the other strictly
     outside it (a segment counts as two edges, there and back). Two bodies without area may be
     separate along their common line only, so those are compared as segments (docs/exactness.md,
-    lemma 11). Most touching pairs are recognised by their edges next to the vertices at i and j,
-    where the search ended.
+    lemma 11). Most touching pairs are recognised by edges at i and j, where the search ended.
     """
     i, j = max(i, first_vertex(p)), max(j, first_vertex(q))
     for a in (vertex_before(p, i), i):

@@ -108,8 +108,7 @@ def refine(p, i, q, j, search):
     """
     Evaluate an axis u by the support vertices along it, at i and j in their arrays.
 
-    Returned are the verdict, SEPARATE, MEET, UNCERTAIN or OPEN, and, if this is OPEN, the Search
-    with the next axis.
+    Return the verdict, SEPARATE, MEET, UNCERTAIN or OPEN, and, if OPEN, the Search to go on with.
     """
     ax, ay, bx, by, ux, uy, reach_x, reach_y = search
     verdict = UNCERTAIN
@@ -194,8 +193,7 @@ def _is_level(v, i, k, ux, uy):
     Return whether an edge of uncertain rise is perpendicular to u, and runs to its left.
 
     Perpendicular up to rounding, which is unknown if underflow or overflow hides the rise; to the
-    left, as edges do near the summit and do not near the lowest vertex. See docs/exactness.md,
-    lemma 7.
+    left, as edges do near the summit, not near the lowest vertex (docs/exactness.md, lemma 7).
     """
     dx, dy = v[k] - v[i], v[k + 1] - v[i + 1]
     size = abs(dx * ux) + abs(dy * uy)

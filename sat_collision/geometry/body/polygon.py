@@ -209,9 +209,7 @@ class Polygon:
         if verdict == CONVEX:
             self.packed = indexable(array[:end] if end != len(array) else array), count
         elif verdict == NON_CONVEX:
-            outline = array[first:end]
-            parts = _decompose(outline)
-            self.packed = indexable(_joined(array[:HEADER], parts, outline)), -len(parts)
+            self.packed = _packed_parts(array[:HEADER], array[first:end])
         elif verdict == TOO_MANY:
             limit = str(max_vertices)
             if count <= max_vertices:
@@ -321,21 +319,17 @@ def vertices_of(points: Points, affine: Affine2D | None = None) -> NDArray[np.fl
     return np.asarray(moved_points(*points, affine or UNMOVED)).reshape(-1, 2)
 
 
-def _decompose(outline: NDArray[np.float64]) -> list[Polygon]:
+def _packed_parts(header: NDArray[np.float64], outline: NDArray[np.float64]) -> PackedBody:
+    """Pack a non-convex body: header, table of its convex parts, the parts, the outline."""
     vertices = outline.reshape(-1, 2)
     corners, ends = convex_parts(indexable(outline))
-    return [Polygon(vertices[part], len(part)) for part in np.split(corners, ends[:-1])]
-
-
-def _joined(header: NDArray[np.float64], parts: list[Polygon],
-            outline: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Pack a non-convex body: header, table of parts, the parts, the outline."""
-    packed_parts = [np.asarray(part.packed[0]) for part in parts]
-    ends = HEADER + 2 * len(parts) + np.cumsum([0] + [len(part) for part in packed_parts])
-    table = np.column_stack([ends[:-1], [part.packed[1] for part in parts]])
-    joined: NDArray[np.float64] = np.concatenate([header, table.ravel(), *packed_parts, outline])
-    joined[:2] = ends[-1], len(joined)
-    return joined
+    parts = [Polygon(vertices[part], len(part)).packed for part in np.split(corners, ends[:-1])]
+    arrays = [np.asarray(array) for array, _ in parts]
+    starts = HEADER + 2 * len(parts) + np.cumsum([0] + [len(array) for array in arrays])
+    table = np.column_stack([starts[:-1], [count for _, count in parts]])
+    joined = np.concatenate([header, table.ravel(), *arrays, outline])
+    joined[:2] = starts[-1], len(joined)
+    return indexable(joined), -len(parts)
 
 
 def size_of(body: PackedBody) -> int:

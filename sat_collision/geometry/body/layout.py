@@ -31,6 +31,7 @@ are, or were, in use, and the size of an index of them. Then follow the table of
 column; the room of the index, see `box_index`, which may be built or not; and the packed bodies.
 """
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -53,8 +54,6 @@ _COLUMNS = 7
 # Entries of a node of an index, and how many doubles it takes.
 FANOUT = 16
 NODE = 5 * FANOUT
-
-_INFINITY = float('inf')
 
 
 class Packed(NamedTuple):
@@ -113,7 +112,7 @@ def table_sector(count, ux, uy):
     """Return the sector of an axis in the table of a polygon with count vertices."""
     size = table_size(count)
     length = abs(ux) + abs(uy)
-    if not 0.0 < length < _INFINITY:
+    if not 0.0 < length < math.inf:
         return 0
     # One unit per quadrant, counter-clockwise from -y.
     turn = 1.0 + uy / length if ux >= 0.0 else 3.0 - uy / length

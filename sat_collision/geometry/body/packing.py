@@ -13,6 +13,7 @@ Packed polygons, see `layout`, made from received points, or what is wrong with 
 All decisions are exact: they compare coordinates or take the sign of `predicates.orient`.
 """
 
+import math
 from typing import Any
 
 import numpy as np
@@ -48,8 +49,6 @@ SIZES = {PAIR: PAIR * DOUBLE, TRIPLE: TRIPLE * WORD}
 _SHORTER = 2.0 ** -45
 _LEAST_EDGE = 2.0 ** -500
 _LEAST_RADIUS = 1e-140
-
-_INFINITY = float('inf')
 
 
 def workspace(max_vertices: int) -> Any:
@@ -209,7 +208,7 @@ def write_inner_disc(ring, count, packed):
         return
     x, y = centroid(ring, count)
     extent = (packed[4] - packed[2]) + (packed[5] - packed[3])
-    radius = _INFINITY
+    radius = math.inf
     certain = True
     for i in range(count):
         k = i + 1 if i + 1 < count else 0
@@ -218,7 +217,7 @@ def write_inner_disc(ring, count, packed):
         ex, ey = ring[2 * k] - ring[2 * i], ring[2 * k + 1] - ring[2 * i + 1]
         size = length(ex, ey)
         height = (ex * (y - ring[2 * i + 1]) - ey * (x - ring[2 * i])) / size
-        certain = certain and height < _INFINITY and _LEAST_EDGE < size
+        certain = certain and height < math.inf and _LEAST_EDGE < size
         radius = min(radius, height)
     packed[0], packed[1] = x, y
     radius -= _SHORTER * (radius + extent)

@@ -23,6 +23,7 @@ A sign from plain doubles counts if the value exceeds a forward error bound. If 
 The bounds and verdicts are proved in docs/exactness.md, lemmas 4 to 10.
 """
 
+import math
 from typing import NamedTuple
 
 from sat_collision.geometry.body.layout import (
@@ -41,7 +42,6 @@ PRODUCT_BOUND = 8.0 * 2.0 ** -53
 SUPPORT_BOUND = 64.0 * 2.0 ** -53
 # Above this, underflow does not affect whether an edge counts as level; lemma 7.
 _LEAST_LEVEL = 2.0 ** -1000
-_INFINITY = float('inf')
 
 MAX_QUERIES = 48
 
@@ -197,7 +197,7 @@ def _is_level(v, i, k, ux, uy):
     """
     dx, dy = v[k] - v[i], v[k + 1] - v[i + 1]
     size = abs(dx * ux) + abs(dy * uy)
-    return ((_LEAST_LEVEL < size < _INFINITY or (ux == 0.0 and dy == 0.0)
+    return ((_LEAST_LEVEL < size < math.inf or (ux == 0.0 and dy == 0.0)
              or (uy == 0.0 and dx == 0.0))
             and ux * dy - uy * dx > 0.0)
 

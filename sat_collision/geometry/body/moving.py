@@ -28,7 +28,7 @@ from sat_collision.geometry.body.polygon import Polygon
 from sat_collision.geometry.compiled.jit import (
     elements, indexable, inlined, inner, kernel, scratch, scratch_integers)
 from sat_collision.geometry.numeric.predicates import orient
-from sat_collision.geometry.numeric.vectors import scale_to_one
+from sat_collision.geometry.numeric.vectors import bounds_of, joined, scale_to_one
 
 # Doubles that a vertex takes: x and y at time 0, then at time 1.
 STRIDE = 4
@@ -150,7 +150,8 @@ def relative(a, b):
     """
     x = min(_least_coordinate(a, 0), _least_coordinate(b, 0))
     y = min(_least_coordinate(a, 1), _least_coordinate(b, 1))
-    extent = max(_extent(x, y, a), _extent(x, y, b))
+    box = joined(bounds_of(a, len(a) // 2), *bounds_of(b, len(b) // 2))
+    extent = max(box[2] - x, box[3] - y)
     scale = scale_to_one(extent) if extent < math.inf else _LEAST_SCALE
     return _relative_to(x, y, a, scale), _relative_to(x, y, b, scale), extent, scale
 
@@ -197,15 +198,6 @@ def _least_coordinate(array, k):
     for i in range(k + STRIDE, len(array), STRIDE):
         least = min(least, array[i])
     return least
-
-
-@inner
-def _extent(x, y, array):
-    """Return the greatest coordinate relative to x, y; infinite if that overflows."""
-    extent = 0.0
-    for k in range(0, len(array), 2):
-        extent = max(extent, max(array[k] - x, array[k + 1] - y))
-    return extent
 
 
 @inner

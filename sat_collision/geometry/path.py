@@ -27,8 +27,7 @@ from sat_collision.geometry.body.box_index import rows_near
 from sat_collision.geometry.body.layout import box_gap, packed_polygon, rows_of, USED
 from sat_collision.geometry.body.moving import MovingBody, parts_about
 from sat_collision.geometry.body.packing import PAIR
-from sat_collision.geometry.body.polygon import (
-    array_of, as_polygon, BodyLike, doubles, Polygon)
+from sat_collision.geometry.body.polygon import array_of, as_polygon, BodyLike, doubles, Polygon
 from sat_collision.geometry.compiled.floating_point import require_nearest
 from sat_collision.geometry.compiled.jit import indexable, inner, kernel, scratch, scratch_integers
 from sat_collision.geometry.motion.prediction import (

@@ -57,8 +57,7 @@ def intersects(a: BodyLike, b: BodyLike) -> bool:
     return bool(arrays_meet(p, n, q, m))
 
 
-def intersects_many(a: BodyLike,
-                    others: PolygonSet | Iterable[BodyLike]) -> NDArray[np.bool_]:
+def intersects_many(a: BodyLike, others: PolygonSet | Iterable[BodyLike]) -> NDArray[np.bool_]:
     """
     Return for each of many bodies whether it shares a point with another one; touching counts.
 
@@ -169,8 +168,7 @@ def separation(a: BodyLike, b: BodyLike) -> float:
     return float(measure_arrays(p, n, q, m)[0])
 
 
-def closest_points(a: BodyLike, b: BodyLike
-                   ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def closest_points(a: BodyLike, b: BodyLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """
     Return the two points that realise the separation of two bodies.
 

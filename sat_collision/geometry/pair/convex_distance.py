@@ -280,8 +280,7 @@ def along(v, i, k, nx, ny):
 def _rise(v, i, k, nx, ny):
     """Return the sign of `along`, 0 if it is not certain."""
     rise = along(v, i, k, nx, ny)[0]
-    bound = (_HIDDEN * (abs((v[k] - v[i]) * nx[0]) + abs((v[k + 1] - v[i + 1]) * ny[0]))
-             + _LOST)
+    bound = _HIDDEN * (abs((v[k] - v[i]) * nx[0]) + abs((v[k + 1] - v[i + 1]) * ny[0])) + _LOST
     return (rise > bound) - (-rise > bound)
 
 

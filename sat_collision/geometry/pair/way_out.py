@@ -208,8 +208,7 @@ def _nearest(differences, clear, best):
             height = s[k + 2] + (1.0 - _HALF_PLANES) * clear
             if not 0.0 < height < best.length:
                 continue
-            low, high = _stretch(Part(s, first, end), k, height,
-                                 (_ENDS - _HALF_PLANES) * clear)
+            low, high = _stretch(Part(s, first, end), k, height, (_ENDS - _HALF_PLANES) * clear)
             for sign in (1.0, -1.0):
                 start = max(low if sign > 0.0 else -high, 0.0)
                 stop = min(high if sign > 0.0 else -low, math.sqrt(

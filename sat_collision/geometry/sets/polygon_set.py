@@ -208,8 +208,7 @@ class PolygonSet:
             if not self._shared:
                 if self._used_rows >= _FEWEST_INDEXED:
                     self._queries += 1
-                    return self._build_index() if self._queries >= _QUERIES else (
-                        self._array, 0)
+                    return self._build_index() if self._queries >= _QUERIES else (self._array, 0)
                 self._shared = self._array, 0
             return self._shared
 

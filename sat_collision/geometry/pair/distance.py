@@ -64,11 +64,9 @@ def measure(p, q):
     p = Packed(elements(p.array), p.start, p.n)
     q = Packed(elements(q.array), q.start, q.n)
     if goes_first(q, p):
-        value, points, _ = measure_parts(q, p)
-        bx, by, ax, ay, ux, uy = points
+        value, (bx, by, ax, ay, ux, uy), _ = measure_parts(q, p)
         return value, (ax, ay, bx, by, -ux, -uy)
-    value, points, _ = measure_parts(p, q)
-    return value, points
+    return measure_parts(p, q)[:2]
 
 
 @inner
@@ -207,12 +205,12 @@ def _is_beyond_edge(p, q, limit):
         b = vertex_after(p, a)
         ex, ey = v[b] - v[a], v[b + 1] - v[a + 1]
         enough = -limit * length(ex, ey)
-        beyond = abs(enough) > _LEAST_PRODUCT
-        for k in range(other_first, other_first + 2 * q.n if beyond else other_first, 2):
+        if not abs(enough) > _LEAST_PRODUCT:
+            continue
+        for k in range(other_first, other_first + 2 * q.n, 2):
             if not ex * (w[k + 1] - v[a + 1]) - ey * (w[k] - v[a]) < enough:
-                beyond = False
                 break
-        if beyond:
+        else:
             return True
     return False
 

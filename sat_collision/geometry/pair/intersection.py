@@ -51,8 +51,7 @@ def filtered_verdict(p, q):
         return SEPARATE
     if p.n < 0 or q.n < 0:
         return UNCERTAIN
-    verdict, _, _, _ = find_separating_axis(p, q)
-    return verdict
+    return find_separating_axis(p, q)[0]
 
 
 @kernel
@@ -114,13 +113,11 @@ def _some_edge_separates(p, q, i, j, inner):
     c = j
     for _ in range(p.n):
         b = vertex_after(p, a)
-        separates = True
         for _ in range(q.n):
             if orient(v[a], v[a + 1], v[b], v[b + 1], w[c], w[c + 1]) >= inner:
-                separates = False
                 break
             c = vertex_after(q, c)
-        if separates:
+        else:
             return True
         a = b
     return False

@@ -35,7 +35,7 @@ def contact_marks(footprint: Polygon, obstacle: Polygon) -> list[Ring]:
     Where that has no area, its segments or points; where they are apart within the margin, or have
     too many parts, the segment from one to the other.
     """
-    slack = _slack(footprint.bounds, obstacle.bounds)
+    slack = _SLACK * (1.0 + max(map(abs, (*footprint.bounds, *obstacle.bounds))))
     pairs = list(product(footprint.parts, obstacle.parts))
     pieces = [piece for own, other in (pairs if len(pairs) <= _MAX_PAIRS else ())
               if _meet(own.bounds, other.bounds, slack)
@@ -91,10 +91,6 @@ def _half_planes(ring: Ring) -> Iterator[tuple[Ring, Ring]]:
 def _meet(one: tuple[float, ...], other: tuple[float, ...], slack: float) -> bool:
     return (one[0] <= other[2] + slack and other[0] <= one[2] + slack
             and one[1] <= other[3] + slack and other[1] <= one[3] + slack)
-
-
-def _slack(*boxes: tuple[float, ...]) -> float:
-    return _SLACK * (1.0 + max(abs(bound) for box in boxes for bound in box))
 
 
 def _area(ring: Ring) -> float:

@@ -235,12 +235,8 @@ def _write_table(ring, count, packed):
             i = k
     for sector in range(4 * size):
         turn = sector / size
-        if turn < 2.0:
-            uy = turn - 1.0
-            ux = 1.0 - abs(uy)
-        else:
-            uy = 3.0 - turn
-            ux = abs(uy) - 1.0
+        uy = turn - 1.0 if turn < 2.0 else 3.0 - turn
+        ux = 1.0 - abs(uy) if turn < 2.0 else abs(uy) - 1.0
         for _ in range(count):
             k = i + 1 if i + 1 < count else 0
             if ((ring[2 * k] - ring[2 * i]) * ux + (ring[2 * k + 1] - ring[2 * i + 1]) * uy

@@ -106,8 +106,7 @@ def motion_of(twist: ArrayLike, horizon: float, pose: ArrayLike, tolerance: floa
     vx, vy, turn = (speed * horizon or math.copysign(LEAST if speed and horizon else 0.0, speed)
                     for speed in (vx, vy, turn))
     c, s = math.cos(yaw), math.sin(yaw)
-    return np.array([x, y, c * vx - s * vy, s * vx + c * vy, turn, horizon, tolerance,
-                     margin])
+    return np.array([x, y, c * vx - s * vy, s * vx + c * vy, turn, horizon, tolerance, margin])
 
 
 def _require_finite(fastest: float, horizon: float) -> None:
@@ -250,11 +249,9 @@ def path_of(body, motion):
         speed += LEAST
     if not 8.0 * (radius + speed) < math.inf:
         raise ValueError(BEYOND)
-    turned = min(abs(motion.turn) / _TURN, _MAX_PIECES)
-    pieces = max(1, int(math.ceil(turned)))
+    pieces = max(1, int(math.ceil(min(abs(motion.turn) / _TURN, _MAX_PIECES))))
     boxes = scratch(4 * pieces + 4)
-    inner, outer = _distances(body, motion)
-    path = Path(motion, body, speed, radius + speed, pieces, boxes, inner, outer)
+    path = Path(motion, body, speed, radius + speed, pieces, boxes, *_distances(body, motion))
     _bound(path)
     return path
 
@@ -373,8 +370,7 @@ def _is_beside(path, rows, row, ways):
     motion = path.motion
     if ways[2 * row] != 0.0 or ways[2 * row + 1] != 0.0:
         return False
-    least, most = _distances(
-        parts_about(body_of(rows, row), motion.x, motion.y, 1.0), motion)
+    least, most = _distances(parts_about(body_of(rows, row), motion.x, motion.y, 1.0), motion)
     centre = length(motion.vx, motion.vy) / abs(motion.turn) if motion.turn != 0.0 else 0.0
     margin = (motion.margin + max(motion.tolerance, 4.0 * _sagitta(path, _FINEST))
               + ROUNDING * centre + _rounding(path, rows, row, ways))

@@ -83,22 +83,15 @@ def _orient_exact(ax, ay, bx, by, cx, cy):
     total = scratch_integers(_LIMBS)
     for k in range(_LIMBS):
         total[k] = 0
-    _accumulate(total, ax, by, 1)
-    _accumulate(total, ax, cy, -1)
-    _accumulate(total, cx, by, -1)
-    _accumulate(total, ay, bx, -1)
-    _accumulate(total, ay, cx, 1)
-    _accumulate(total, cy, bx, 1)
-    carry = 0
-    nonzero = False
+    for x, y, sign in ((ax, by, 1), (ax, cy, -1), (cx, by, -1), (ay, bx, -1), (ay, cx, 1),
+                       (cy, bx, 1)):
+        _accumulate(total, x, y, sign)
+    carry = rest = 0
     for k in range(_LIMBS):
         limb = total[k] + carry
         carry = limb >> _LIMB_BITS
-        if limb & _LIMB_MASK:
-            nonzero = True
-    if carry < 0:
-        return -1
-    return 1 if nonzero else 0
+        rest |= limb & _LIMB_MASK
+    return -1 if carry < 0 else 1 if rest else 0
 
 
 @inner

@@ -177,8 +177,7 @@ def near_rows(set_array, indexed, body, count, margin, skipped):
                 points = others
     if margin != NEAREST:
         return -1, 0.0, 0.0, 0.0, 0.0, 0.0, _first(found, hits)
-    ax, ay, bx, by, _, _ = points
-    return nearest, least, ax, ay, bx, by, None
+    return nearest, least, *points[:4], None
 
 
 @kernel
@@ -241,9 +240,7 @@ def _begin(pairs, start, end, used):
         elif p.n < 0 or q.n < 0:
             verdicts[row] = UNCERTAIN
         elif p.n <= SCAN_LIMIT or q.n <= SCAN_LIMIT:
-            verdict, i, j, _ = find_separating_axis(p, q)
-            verdicts[row] = verdict
-            places[2 * slot], places[2 * slot + 1] = i, j
+            verdicts[row], places[2 * slot], places[2 * slot + 1], _ = find_separating_axis(p, q)
         else:
             verdict, search = first_axis(p, q)
             verdicts[row] = verdict

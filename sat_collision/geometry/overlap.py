@@ -50,11 +50,7 @@ def contact_marks(footprint: Polygon, obstacle: Polygon) -> list[Ring]:
 
 
 def clip(ring: Ring, other: Ring, slack: float = 0.0) -> Ring:
-    """
-    Return what two convex rings share, by Sutherland and Hodgman (1974); may be empty.
-
-    A point may lie outside by the slack, in metres.
-    """
+    """Return what two convex rings share, to a slack in m, by Sutherland and Hodgman (1974)."""
     # The fewer lines, the faster.
     if len(ring) < len(other):
         ring, other = other, ring

@@ -155,11 +155,7 @@ else:
 
 @inner
 def nearest_box(rows, indexed, box, skipped):
-    """
-    Return the row with a body whose gap to a box is least, the first in a tie, -1 if none.
-
-    Rows in `skipped`, ascending, are left out.
-    """
+    """Return the first row of least gap to a box that has a body and is not skipped, or -1."""
     first = -1
     least = math.inf
     if indexed:

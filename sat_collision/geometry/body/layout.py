@@ -133,11 +133,7 @@ def entry_step(count):
 
 @inlined
 def near_support(p, sector):
-    """
-    Return the index of a vertex near the support vertex for the axes of a sector, by the table.
-
-    Only polygons with more than SCAN_LIMIT vertices have a table.
-    """
+    """Return the index of a vertex near the support vertex for a sector, by the table."""
     entries = int(p.array[table_place(p.start, sector)])
     entry = (entries >> (ENTRY_BITS * (sector & 3))) & ENTRY_MASK
     return first_vertex(p) + 2 * entry * entry_step(p.n)

@@ -158,11 +158,7 @@ def plain_turn(points, received):
 
 @kernel
 def pack_convex(data, start, received, step, packed, max_vertices, affine):
-    """
-    Pack `moved_points`, if they make a convex polygon of no more vertices than are accepted.
-
-    Returned is their number, 0 if they do not.
-    """
+    """Pack `moved_points` if they make a convex polygon to accept; return its count or 0."""
     points = moved_points(data, start, received, step, affine)
     verdict, count, _, _, _ = pack(points, packed, max_vertices, 0)
     return count if verdict == CONVEX else 0

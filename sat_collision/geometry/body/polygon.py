@@ -404,11 +404,7 @@ def doubles(array: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def double(value: Any) -> float:
-    """
-    Return a number as a double, infinity beyond the largest one; NaN for what is no number.
-
-    What is one is decided as for `doubles`.
-    """
+    """Return a number as a double, maybe infinite; NaN for what `doubles` refuses."""
     try:
         array = array_of(value)
         return math.nan if array.ndim else float(doubles(array))

@@ -106,11 +106,7 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 
 def inner(function: Callable[..., Any], **options: Any) -> Any:
-    """
-    Compile like `kernel`, but only for use in other kernels, see `kernel_cache`.
-
-    Python must not call it: it has no machine code of its own.
-    """
+    """Compile like `kernel`, but only for other kernels: it has no machine code of its own."""
     if not COMPILED:
         return function
     compiled = _compiled(function, True, **options)

@@ -116,11 +116,7 @@ def _require_finite(fastest: float, horizon: float) -> None:
 
 
 def ways_of(velocities: ArrayLike | None, rows: int, horizon: float) -> NDArray[np.float64]:
-    """
-    Return how far velocities lead each row by the horizon, as a flat array.
-
-    Raise `ValueError` if they are not valid.
-    """
+    """Return how far velocities lead rows by the horizon, flat; `ValueError` if not valid."""
     if velocities is None:
         return _at_rest(rows)
     try:

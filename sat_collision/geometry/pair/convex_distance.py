@@ -104,11 +104,7 @@ def of_all_features(p, q):
 
 @kernel
 def closest_of(p, q, features):
-    """
-    Return the nearest points of P and Q, x, y, x, y, and the unit vector from P to Q.
-
-    Each coordinate of a point is rounded once.
-    """
+    """Return the nearest points of P and Q, rounded once, and the unit vector from P to Q."""
     v, w = p.array, q.array
     _, pa, pb, qa, qb, nx, ny = features
     size = square_root(dot(nx, ny, nx, ny))

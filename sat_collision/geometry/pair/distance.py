@@ -82,11 +82,7 @@ def goes_first(p, q):
 
 @inner
 def measure_parts(p, q):
-    """
-    Measure the pairs of parts that may be nearest, or deepest; return the least result.
-
-    Returned with the separation and its points is the pair, see `open_pairs`.
-    """
+    """Return the least separation of pairs of parts, its points and pair, see `open_pairs`."""
     if p.n > 0 and q.n > 0:
         _, least, found = _measure_pair(p, q)
         return least, found, 0
@@ -186,11 +182,7 @@ def _within(p, x, y):
 
 @inner
 def _limit_of(least, reach):
-    """
-    Return the gap along an axis above which a pair cannot be the nearest or deepest.
-
-    Given are the least separation found so far, and the largest coordinate.
-    """
+    """Return the gap along an axis above which no pair is nearer or deeper than least."""
     # Where products of coordinates may overflow or underflow, axes prove nothing.
     return least + ROUNDING * reach if scale_to_one(reach) == 1.0 else math.inf
 

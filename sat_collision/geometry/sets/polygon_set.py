@@ -197,11 +197,7 @@ class PolygonSet:
         self._queries = 0
 
     def _snapshot(self) -> tuple[Any, int]:
-        """
-        Return the array as it is, for a query, and whether it has an index.
-
-        What is there does not change while the array is referred to.
-        """
+        """Return the array, unchanged while it is referred to, and whether it has an index."""
         if shared := self._shared:
             return shared
         with self._lock:
@@ -539,11 +535,7 @@ class PolygonSet:
         return array, other_array, used
 
     def _make_room(self, rows: list[int], sizes: NDArray[np.int64]) -> None:
-        """
-        Reserve space for the packed bodies of some rows, at the end of the space in use.
-
-        Rows that are free may lose theirs.
-        """
+        """Reserve space for bodies of some rows, after all others; free rows may lose theirs."""
         table, size = self._rows, int(sizes.sum())
         table.n[rows] = table.space[rows] = 0
         if self._used_doubles + size > len(table.packed):

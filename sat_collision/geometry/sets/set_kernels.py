@@ -63,11 +63,7 @@ class Pairs(NamedTuple):
 
 @kernel
 def write_row(set_array, row, body, count):
-    """
-    Write a packed body into a row.
-
-    Returned is UNCHANGED if the row has the same body, NO_ROOM if its space is too small, else 0.
-    """
+    """Write a packed body into a row; return 0, UNCHANGED if it was there, or NO_ROOM."""
     require_nearest(row)
     rows = rows_of(set_array)
     packed = rows.packed

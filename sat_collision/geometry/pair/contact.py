@@ -198,7 +198,8 @@ def _along(p, a, k):
     v, w = a.array, p.array
     m = vertex_after(a, k)
     up = _rises(v[k], v[k + 1], v[m], v[m + 1])
-    low, high = (k, m) if up else (m, k)
+    low = k if up else m
+    high = m if up else k
     ends = v[low], v[low + 1], v[high], v[high + 1]
     # A packed segment begins with its lower end.
     start = first_vertex(p)

@@ -15,6 +15,7 @@ import math
 from builders import box, serialised, transforms
 from monitors import BOW_TIE, CIRCLE, nanoseconds, START, World
 import pytest
+from sat_collision.messages import transform_listener
 from sat_collision.messages.rejections import Rejection
 from sat_collision.messages.transform_listener import TF, TF_STATIC
 from sat_collision.monitor import Monitor
@@ -573,3 +574,38 @@ def test_advice_makes_nothing_worse(reason, detail):
     text = Rejection('lidar', '/polygons', reason, detail).text
     assert 'raise' not in text and 'in that frame' not in text
     assert detail in text and text.count(';') == (detail != BY_ANOTHER_CLOCK)
+
+
+def test_new_frames_count_again_after_a_flood_of_others(robot):
+    """Once these have been silent for tf_cache_time, though only the new one is sent."""
+    for k in range(frames._MAX_FRAMES):
+        robot.receive_transforms(TF, ('odom', f'made up {k}', robot.now, 0.0, 0.0))
+    robot.rejections.clear()
+    for _ in range(12):
+        robot.wait_until(robot.time + 1.0)
+        robot.receive_transforms(TF, ('odom', 'real', robot.now, 0.0, 0.0))
+    assert robot.reasons == 10 * [frames.TOO_MANY_FRAMES]
+
+
+def test_numbers_of_made_up_frames_are_not_kept_for_ever(robot, monkeypatch):
+    monkeypatch.setattr(transform_listener, '_MAX_NUMBERS', 50)
+    for k in range(1, 200):
+        for name in ('base', f'made up {k}'):
+            data = transforms(('odom', name, robot.now, 0.0, 0.0))
+            robot.monitor.receive_transforms(TF, data, robot.now, min(k, 150))
+    listener = robot.monitor.transforms
+    assert len(listener._numbers) <= 51 and listener.turns['base'] > 40
+
+
+def test_few_of_very_many_reasons_are_named(robot):
+    """And none of those that do not hold any more: one id in an ever new frame."""
+    for k in range(20):
+        robot.see(box(9), 1.0 + k / 1000, f'made up {k}', 1)
+    robot.wait_until(1.3)
+    reason, = robot.state().reasons
+    assert reason.count('no transform from') == 1
+    for k in range(2, 6):
+        robot.see(box(9), 1.3, f'other {k}', k)
+    robot.wait_until(1.6)
+    reason, = robot.state().reasons
+    assert reason.count('no transform from') == 3 and reason.endswith(' and 2 more')

@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from itertools import chain, islice
 import math
 from operator import itemgetter
@@ -51,10 +51,13 @@ _PLACES_AHEAD = 8
 _PERIODS = 3
 # The id of what is drawn of pairs, which no body has: bodies may be called contacts or nearest.
 _OF_PAIRS = 2
-# Max obstacles whose contacts are drawn or published, as each costs time.
+# Drawing must not hold up the flags. Max obstacles whose contacts are drawn or published, and max
+# pairs of convex parts that these have with the footprints, but one obstacle in any case.
 MAX_CONTACTS = 50
-# Max obstacles drawn, as drawing must not hold up the flags.
+_MAX_PAIRS = 2_000
+# Max obstacles drawn, and max doubles that they have room for as packed bodies.
 MAX_DRAWN = 1_000
+_MAX_ROOM = 40_000
 
 
 class _Style(NamedTuple):
@@ -118,7 +121,7 @@ class Markers:
         self._markers = [Marker(action=Marker.DELETEALL)]
         self._markers[0].header.frame_id = scene.frame_id
         footprints = dict(scene.footprints)
-        nearest = scene.nearest_obstacles(MAX_DRAWN)
+        nearest, are_all = scene.nearest_obstacles(MAX_DRAWN, _MAX_ROOM)
         polygons = chain(footprints.values(), (polygon for _, polygon in nearest))
         self._shapes = {id(polygon): self._shape(polygon) for polygon in polygons}
         self._footprints = footprints
@@ -136,9 +139,9 @@ class Markers:
             self._draw_path(name, scene.path_checks.get(name))
         for name, state in states.items():
             self._name(name, state, scene.settings.margin)
-        if len(nearest) == MAX_DRAWN:
+        if not are_all:
             self._write('limit/text', _AMBER, next(iter(self._shapes.values())).polygon.bounds,
-                        f'the {MAX_DRAWN} nearest obstacles are drawn')
+                        f'the {len(nearest)} nearest obstacles are drawn')
         self._draw_contacts(contacts)
         return MarkerArray(markers=self._markers)
 
@@ -175,7 +178,7 @@ class Markers:
         self._write(f'{name}/name', _COLOURS[state.status], self._footprints[name].bounds, text)
 
     def _draw_contacts(self, contacts: Iterable[tuple[ObstacleId, Polygon, Polygon]]) -> None:
-        pairs = [(own, other) for _, own, other in islice(contacts, MAX_CONTACTS)]
+        pairs = [(own, other) for _, own, other in affordable(contacts)]
         marks = [mark for own, other in pairs for mark in contact_marks(own, other)]
         for ns, style, points in (
                 ('regions', _REGION, [p for mark in marks for p in _triangles(mark)]),
@@ -253,6 +256,17 @@ class Markers:
         marker.header.frame_id = self._frame_id
         self._markers.append(marker)
         return marker
+
+
+def affordable(contacts: Iterable[tuple[ObstacleId, Polygon, Polygon]]
+               ) -> Iterator[tuple[ObstacleId, Polygon, Polygon]]:
+    """Yield as many of some contacts as may be drawn or published: obstacle, footprint, body."""
+    pairs = 0
+    for k, found in enumerate(islice(contacts, MAX_CONTACTS)):
+        pairs += math.prod(max(1, -polygon.packed[1]) for polygon in found[1:])
+        if k and pairs > _MAX_PAIRS:
+            return
+        yield found
 
 
 def _normals(footprint: Polygon, obstacle: Polygon) -> Ring:

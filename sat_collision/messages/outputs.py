@@ -12,7 +12,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
-from itertools import islice
 import math
 import sys
 from typing import Any, Protocol
@@ -21,7 +20,7 @@ import numpy as np
 from sat_collision.geometry.pair.contact import contact
 from sat_collision.messages.interfaces import (
     Bool, DiagnosticArray, Float64, MarkerArray, octets, PointCloud2, PointField, serialize)
-from sat_collision.messages.markers import Markers, MAX_CONTACTS
+from sat_collision.messages.markers import affordable, Markers
 from sat_collision.messages.states import coordinate_step, States
 from sat_collision.scene.footprints import State, Status
 from sat_collision.scene.scene import Scene
@@ -55,7 +54,7 @@ def contact_cloud(scene: Scene, name: str, stamp: Any) -> Any:
     """
     places = {obstacle: k for k, obstacle in enumerate(scene.state(name).contacts)}
     rows = []
-    for obstacle, own, other in islice(scene.contacts(name), MAX_CONTACTS):
+    for obstacle, own, other in affordable(scene.contacts(name)):
         if obstacle in places:
             found = contact(own, other)
             depth = -found.separation if found.separation > 0.0 else found.depth

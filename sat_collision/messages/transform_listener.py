@@ -26,6 +26,8 @@ TRANSFORM_TOPICS = (TF, TF_STATIC)
 # Max frames whose refused transforms are counted by frame; the rest are counted together.
 _MAX_COUNTED = 100
 _OTHERS = 'other frames'
+# Max frames whose message numbers are kept: more are made-up names, as no buffer holds so many.
+_MAX_NUMBERS = 20_000
 
 
 class TransformListener:
@@ -84,6 +86,9 @@ class TransformListener:
                 # last one for a frame is another publisher's, or of one that has begun again.
                 if numbers.get(child, 0) >= number:
                     self.turns[child] += 1
+                elif len(numbers) > _MAX_NUMBERS:
+                    numbers.clear()
+                    self.turns.clear()
                 numbers[child] = number
         self.transforms += len(transforms) - len(rejections)
         return rejections

@@ -124,11 +124,12 @@ class Contacts:
             self._footprints.polygons, footprint.row, self._left_out(footprint, skipped))
         return found and (self._obstacles.bodies[found[0]], *found[1:])
 
-    def nearest_rows(self, limit: int) -> set[int]:
-        """Return the rows of up to `limit` obstacles: those nearest to any footprint."""
-        return {*self._obstacles.polygons.nearest_rows(
+    def nearest_rows(self, limit: int, room: int) -> tuple[set[int], bool]:
+        """Return the `nearest_rows` of obstacles to footprints, and whether these are all."""
+        rows, are_all = self._obstacles.polygons.nearest_rows(
             (polygon.bounds for one in self._footprints.bodies.values()
-             if (polygon := one.polygon) is not None), limit)}
+             if (polygon := one.polygon) is not None), limit, room)
+        return {*rows}, are_all
 
     def first_contact(self, footprint: Footprint, velocity: Velocity, seconds: float,
                       moving: Mapping[Obstacle, Course] = {}) -> tuple[Obstacle, float] | None:

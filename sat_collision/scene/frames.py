@@ -180,7 +180,8 @@ class Frames:
             if abs(self._last - self._looked) >= _LOOKED_EVERY:
                 self._looked = self._last
                 newest = max((one.stamps[-1] for one in self._moving.values()), default=0)
-                self._keep(newest - self._history, NEVER)
+                # Where all are silent, refused ones say how late it is.
+                self._keep(max(newest, self._last) - self._history, NEVER)
             if self._is_full(parent, child):
                 return TOO_MANY_FRAMES
         link = parent, taken

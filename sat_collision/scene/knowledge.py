@@ -46,6 +46,8 @@ _LONGEST_OPEN = 10**9
 _PARTS = 32
 # The rate of listings is measured over so many.
 _MEASURED = 10
+# Max reasons named for which messages were refused.
+_MOST_NAMED = 3
 # Max numbers kept of listings that ended and were not whole.
 _MAX_BROKEN = 1000
 
@@ -498,7 +500,9 @@ class Refreshed(Knowledge):
         if silence := self._silence(now):
             return silence
         if refusals:
-            return f'sent what was refused: {", ".join(refusals)}'
+            more = len(refusals) - _MOST_NAMED
+            return f'sent what was refused: {", ".join(refusals[:_MOST_NAMED])}' + (
+                f' and {more} more' if more > 0 else '')
         if self._missed == _GAP:
             return f'has stamps that are further apart than {self._timeout_in_words}: raise it'
         since = f' since {self._missed}' if self._missed else ''

@@ -319,7 +319,7 @@ class KeyedGroup(ObstacleGroup):
     @property
     def refusals(self) -> list[str]:
         """Why messages in the place of obstacles were refused."""
-        return sorted(+self._refused)
+        return sorted(self._refused)
 
     def add(self, instance: int, body: PackedBody | None, frame_id: str, stamp: int, time: int,
             refusal: str | None, has_room: bool) -> str | None:
@@ -387,5 +387,7 @@ class KeyedGroup(ObstacleGroup):
         before, obstacle.refused = obstacle.refused, refusal
         if before:
             self._refused[before] -= 1
+            if not self._refused[before]:
+                del self._refused[before]
         if refusal:
             self._refused[refusal] += 1

@@ -63,12 +63,17 @@ class SceneView:
         return [(obstacle.name, polygon) for source in self.sources.values()
                 for obstacle in source.store if (polygon := obstacle.polygon) is not None]
 
-    def nearest_obstacles(self, limit: int) -> list[tuple[ObstacleId, Polygon]]:
-        """Return up to `limit` obstacles as `obstacles` does: those nearest to footprints."""
-        rows = self._contacts.nearest_rows(limit)
+    def nearest_obstacles(self, limit: int,
+                          room: int) -> tuple[list[tuple[ObstacleId, Polygon]], bool]:
+        """
+        Return obstacles as `obstacles` does, those nearest to footprints, and whether all are.
+
+        Up to `limit`, and as many as so many doubles have room for.
+        """
+        rows, are_all = self._contacts.nearest_rows(limit, room)
         return [(obstacle.name, polygon) for source in self.sources.values()
                 for obstacle in source.store
-                if obstacle.row in rows and (polygon := obstacle.polygon) is not None]
+                if obstacle.row in rows and (polygon := obstacle.polygon) is not None], are_all
 
     @property
     def source_faults(self) -> tuple[str, ...]:

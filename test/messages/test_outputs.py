@@ -16,8 +16,8 @@ from sat_collision import Polygon
 from sat_collision.geometry.overlap import clip, contact_marks
 from sat_collision.messages.interfaces import (
     deserialize, DiagnosticArray, Marker, PointCloud2, serialize, Time)
-from sat_collision.messages.markers import Markers, MAX_DRAWN
-from sat_collision.messages.outputs import contact_cloud, MAX_CONTACTS
+from sat_collision.messages.markers import Markers, MAX_CONTACTS, MAX_DRAWN
+from sat_collision.messages.outputs import contact_cloud
 from sat_collision.messages.states import coordinate_step, in_words, States
 from sat_collision.scene.footprints import State, Status
 from sat_collision.scene.obstacles import ObstacleId
@@ -427,7 +427,7 @@ def test_only_the_nearest_of_very_many_obstacles_are_drawn(scene):
     """Drawing all of them would hold up the flags; a text says so."""
     place(scene, 'a', box(1000, 0))
     place(scene, 'b', box(0, 100))
-    spots = [(x, 0) for x in range(MAX_DRAWN - 2)] + [(0, 90), (1000, 0.5)]
+    spots = [(x, 0) for x in range(MAX_DRAWN - 1)] + [(0, 90), (1000, 0.5)]
     for spot in spots:
         place(scene, 'map', [spot])
     end(scene)
@@ -439,6 +439,27 @@ def test_only_the_nearest_of_very_many_obstacles_are_drawn(scene):
     markers = drawn(scene)
     assert xy(markers['people/points', 0]).tolist() == [[0, 95]]
     assert len(xy(markers['map/points', 0])) + len(xy(markers['map/points', 1])) == MAX_DRAWN - 1
+
+
+def test_fewer_obstacles_of_many_vertices_are_drawn(scene):
+    """And their contacts: each pair of convex parts takes time."""
+    place(scene, 'a', box(0, 0))
+    for k in range(40):
+        place(scene, 'map', (star(64) + 0.01 * k).tolist())
+    end(scene)
+    markers = drawn(scene)
+    count = len(markers['map/outline', 1].points) // 256
+    assert 10 < count < 40
+    assert markers['limit/text', 0].text == f'the {count} nearest obstacles are drawn'
+    cloud = contact_cloud(scene, 'a', Time(sec=9))
+    found = np.frombuffer(bytes(cloud.data), np.uint32).reshape(-1, cloud.point_step // 4)[:, -1]
+    assert 10 < len({*found.tolist()}) < 40
+
+
+def star(points):
+    """Return the vertices of a star with so many points."""
+    angles = np.arange(2 * points) * np.pi / points
+    return np.column_stack([np.cos(angles), np.sin(angles)]) * np.tile([[1.0], [0.9]], (points, 1))
 
 
 def test_points_of_unchanged_polygons_are_reused(scene):

@@ -58,9 +58,14 @@ class PackedSet(PolygonSet):
         body = indexable(packed), count
         return self._nearest(body, indexable(skipped))
 
-    def nearest_rows(self, boxes: Iterable[tuple[float, float, float, float]],
-                     limit: int) -> list[int]:
-        """Return up to `limit` rows with a body: those whose bounds are nearest to any box."""
+    def nearest_rows(self, boxes: Iterable[tuple[float, float, float, float]], limit: int,
+                     room: int) -> tuple[list[int], bool]:
+        """
+        Return the rows with a body whose bounds are nearest to any box, and whether these are all.
+
+        Up to `limit` rows, and those after the first only as far as so many doubles have room for
+        them.
+        """
         rows = np.flatnonzero(self._rows.n[:self._used_rows])
         min_x, min_y, max_x, max_y = (column[rows] for column in self._rows[:4])
         distances = np.full(len(rows), np.inf)
@@ -68,8 +73,10 @@ class PackedSet(PolygonSet):
             x = np.maximum(min_x - high_x, low_x - max_x).clip(0.0)
             y = np.maximum(min_y - high_y, low_y - max_y).clip(0.0)
             distances = np.minimum(distances, np.hypot(x, y))
-        nearest: list[int] = rows[np.argsort(distances, kind='stable')[:limit]].tolist()
-        return nearest
+        nearest = rows[np.argsort(distances, kind='stable')[:limit]]
+        fitting = np.searchsorted(np.cumsum(self._rows.space[nearest]), room, 'right')
+        nearest = nearest[:max(fitting, 1)]
+        return nearest.tolist(), len(nearest) == len(rows)
 
     def hide(self, rows: Any) -> None:
         """Empty rows (-1: none); each stays in use until it is filled again or removed."""

@@ -36,8 +36,9 @@ def contact_marks(footprint: Polygon, obstacle: Polygon) -> list[Ring]:
     too many parts, the segment from one to the other.
     """
     slack = _SLACK * (1.0 + max(map(abs, (*footprint.bounds, *obstacle.bounds))))
-    pairs = list(product(footprint.parts, obstacle.parts))
-    pieces = [piece for own, other in (pairs if len(pairs) <= _MAX_PAIRS else ())
+    parts = footprint.parts, obstacle.parts
+    has_many = len(parts[0]) * len(parts[1]) > _MAX_PAIRS
+    pieces = [piece for own, other in (() if has_many else product(*parts))
               if _meet(own.bounds, other.bounds, slack)
               and len(piece := clip(own.vertices, other.vertices, slack))]
     solid = [piece for piece in pieces if _area(piece) > slack * _size(piece)]

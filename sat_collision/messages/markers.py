@@ -54,7 +54,7 @@ _OF_PAIRS = 2
 # Drawing must not hold up the flags. Max obstacles whose contacts are drawn or published, and max
 # pairs of convex parts that these have with the footprints, but one obstacle in any case.
 MAX_CONTACTS = 50
-_MAX_PAIRS = 2_000
+_MAX_PAIRS = 500
 # Max obstacles drawn, and max doubles that they have room for as packed bodies.
 MAX_DRAWN = 1_000
 _MAX_ROOM = 40_000

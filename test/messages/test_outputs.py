@@ -453,7 +453,7 @@ def test_fewer_obstacles_of_many_vertices_are_drawn(scene):
     assert markers['limit/text', 0].text == f'the {count} nearest obstacles are drawn'
     cloud = contact_cloud(scene, 'a', Time(sec=9))
     found = np.frombuffer(bytes(cloud.data), np.uint32).reshape(-1, cloud.point_step // 4)[:, -1]
-    assert 10 < len({*found.tolist()}) < 40
+    assert 1 < len({*found.tolist()}) < 40
 
 
 def star(points):

@@ -240,14 +240,15 @@ def check_shared_topics(inputs: Iterable[FootprintSettings | ObstacleSettings]) 
     `StampOrder`.
     """
     inputs = [one for one in inputs if one.enabled and is_subscribed(one)]
-    for what, is_so in (('ends its sets with a mark', has_marks), ('is a map', is_map)):
+    for what, is_so in (('ends its sets with a mark and {} does not', has_marks),
+                        ('is a map and {} is not', is_map)):
         for source in filter(is_so, inputs):
             for other in inputs:
                 if other.topic == source.topic and not is_so(other):
                     raise ParameterError(
-                        f'{source.topic}: {source.name} {what}, {other.name} does not, so by '
-                        'recorded motion one would count at a wrong time: check one of them at a '
-                        'time, or both with --as-live')
+                        f'{source.topic}: {source.name} {what.format(other.name)}, so by recorded '
+                        'motion one would count at a wrong time: check one of them at a time, or '
+                        'both with --as-live')
 
 
 def missing_topics(settings: Settings, types: Mapping[str, str]) -> Iterator[str]:

@@ -317,6 +317,18 @@ def test_refused_id_counts_until_it_is_replaced_or_forgotten():
         assert status_and_reasons(stage) == ('clear', ())
 
 
+def test_few_of_very_many_reasons_are_named():
+    """Only those that hold: messages of an id in an ever new frame have a reason each."""
+    stage = known_stage(INSTANCES)
+    for k in range(20):
+        stage.refuse(f'made up {k}', k / 1000, instance=1)
+    assert stage.state().reasons == (LIDAR_SAYS + 'sent what was refused: made up 19',)
+    for k in range(2, 6):
+        stage.refuse(f'made up {k}', instance=k)
+    assert stage.state().reasons == (
+        LIDAR_SAYS + 'sent what was refused: made up 19, made up 2, made up 3 and 2 more',)
+
+
 @REFRESHED
 @pytest.mark.parametrize('what, cause', [
     ('lose', 'messages were lost'), ('send_garbage', 'a message was refused: undecodable')])

@@ -198,6 +198,8 @@ def _publish(shared: Shared, domain: int, script: Callable[..., None], topic: st
     context.init(domain_id=domain)
     made = rclpy.create_node(node, context=context)
     script(Topic(made, topic, kind, qos, shared), **options)
+    # Fast DDS may wait for ever here, if it discovers others at that moment.
+    signal.alarm(10)
     made.destroy_node()
     context.shutdown()
 

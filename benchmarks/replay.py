@@ -16,7 +16,6 @@ and again; it is damaged at random, and the same check counts the contacts in wh
 reads until its first error.
 """
 
-from collections import deque
 from collections.abc import Iterator
 from contextlib import suppress
 from functools import partial
@@ -30,6 +29,7 @@ from builders import collection, serialised
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer as McapWriter
 import numpy as np
+from recordings import COLLECTION, TYPES
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from sat_collision.messages.rosbags_interfaces import STORE
 from sat_collision.replay.check import check
@@ -41,7 +41,6 @@ STORAGES = 'MCAP', 'SQLITE3'
 _START = 1_700_000_000 * 10**9
 _SECOND = 10**9
 _KIND = 'geometry_msgs/msg/PolygonStamped'
-_COLLECTION = 'polygon_msgs/msg/Polygon2DCollection'
 _TOPICS = '/footprint', '/obstacles'
 _PARAMETERS = {'obstacle.set_end': 'new_stamp'}
 _ROBOT = np.array([(-0.5, -0.4), (0.9, -0.4), (0.9, 0.4), (-0.5, 0.4)])
@@ -81,7 +80,7 @@ def _timed(tasks, path, count, runs):
 
 def _write_drive(path, storage, size, messages):
     """Write a robot among boxes and other convex polygons, and return the number of messages."""
-    outlines = [_outline(k, 40, 4 + k % 8) for k in range(size)]
+    outlines = _outlines(size, 40, 8)
     frames = messages // (size + 1)
     with Writer(path, version=9, storage_plugin=StoragePlugin[storage]) as writer:
         footprint, obstacles = (writer.add_connection(topic, _KIND, typestore=STORE)
@@ -95,21 +94,21 @@ def _write_drive(path, storage, size, messages):
     return frames * (size + 1)
 
 
-def _outline(k, farthest, count):
-    """Return convex polygon k around the robot, of so many vertices."""
-    rng = np.random.default_rng(k)
-    return rng.uniform(3, farthest) * np.array([np.cos(k), np.sin(k)]) + (
-        rng.uniform(0.3, 2.0) * shapes.regular(rng, 1, count)[0])
+def _outlines(count, farthest, kinds):
+    """Return convex polygons around the robot, of four and, up to so many kinds, more vertices."""
+    rng = np.random.default_rng(0)
+    return [rng.uniform(3, farthest) * np.array([np.cos(k), np.sin(k)]) + rng.uniform(0.3, 2.0)
+            * shapes.regular(rng, 1, 4 + k % kinds)[0] for k in range(count)]
 
 
 def measure_collections(messages, runs):
     """Return the µs of reading and checking a footprint and 1,000 obstacles in one message."""
-    outlines = [_outline(k, 400, 4) for k in range(1000)]
-    tasks = {'mcap_us': lambda path: deque(_mcap(path), 0), 'motion_us': check,
+    outlines = _outlines(1000, 400, 1)
+    tasks = {'mcap_us': _read_with_mcap, 'motion_us': check,
              'live_us': partial(check, options=Options(as_live=True))}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, 'collections.mcap')
-        _write_mcap(path, _with_collections(outlines, messages), 2**20, _COLLECTION)
+        _write_mcap(path, _with_collections(outlines, messages), 2**20, COLLECTION)
         return {'obstacles': len(outlines), **_timed(tasks, path, messages, runs)}
 
 
@@ -130,7 +129,7 @@ def _read_all(path, decode=False):
 
 
 def _read_with_mcap(path):
-    for _ in _mcap(path / f'{path.name}.mcap'):
+    for _ in _mcap(path / f'{path.name}.mcap' if path.is_dir() else path):
         pass
 
 
@@ -179,8 +178,8 @@ def _write_mcap(path, messages, chunk=_CHUNK, obstacles=_KIND):
     with path.open('wb') as file:
         writer = McapWriter(file, chunk, CompressionType.NONE)
         writer.start('ros2')
-        channels = {topic: writer.register_channel(
-            topic, 'cdr', writer.register_schema(kind, 'ros2msg', b''))
+        channels = {topic: writer.register_channel(topic, 'cdr', writer.register_schema(
+            kind, 'ros2msg', TYPES.generate_msgdef(kind)[0].encode()))
             for topic, kind in zip(_TOPICS, (_KIND, obstacles))}
         for topic, stamp, data in messages:
             writer.add_message(channels[topic], stamp, data, stamp)

@@ -52,10 +52,10 @@ _PERIODS = 3
 # The id of what is drawn of pairs, which no body has: bodies may be called contacts or nearest.
 _OF_PAIRS = 2
 # Drawing must not hold up the flags. Max obstacles whose contacts are drawn or published, and max
-# pairs of convex parts that these have with the footprints, but one obstacle in any case.
+# pairs of a convex part of the footprint and one of the obstacle, unless it is only one obstacle.
 MAX_CONTACTS = 50
 _MAX_PAIRS = 500
-# Max obstacles drawn, and max doubles that they have room for as packed bodies.
+# Max obstacles drawn, and max doubles reserved for their packed bodies, see `layout`.
 MAX_DRAWN = 1_000
 _MAX_ROOM = 40_000
 
@@ -260,7 +260,7 @@ class Markers:
 
 def affordable(contacts: Iterable[tuple[ObstacleId, Polygon, Polygon]]
                ) -> Iterator[tuple[ObstacleId, Polygon, Polygon]]:
-    """Yield as many of some contacts as may be drawn or published: obstacle, footprint, body."""
+    """Yield the first of contacts (name, footprint, obstacle), as many as may be drawn."""
     pairs = 0
     for k, found in enumerate(islice(contacts, MAX_CONTACTS)):
         pairs += math.prod(max(1, -polygon.packed[1]) for polygon in found[1:])

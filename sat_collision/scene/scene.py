@@ -222,7 +222,7 @@ class Scene(SceneView):
         if read is None:
             refusal = FROM_FUTURE
         if body is None:
-            # The set that it ends may be older than it, and than the one before.
+            # A mark may end a set that is older than itself, and than the set before.
             self.deadline = min(self.deadline, source.deadline)
         self._evaluate_obstacles(
             source, stamp if stamp and stamp < now else now,

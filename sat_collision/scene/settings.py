@@ -22,6 +22,8 @@ POLYGON = 'polygon'
 POLYGON_INSTANCE = 'polygon_instance'
 POLYGON_COLLECTION = 'polygon_collection'
 POLYGON_2D = 'polygon_2d'
+FOOTPRINT_TYPES = POLYGON, POLYGON_2D
+OBSTACLE_TYPES = POLYGON, POLYGON_INSTANCE, POLYGON_COLLECTION
 # What ends a set of obstacles.
 NONE, EMPTY_POLYGON, NEW_STAMP, EACH_MESSAGE = SET_ENDS = (
     'none', 'empty_polygon', 'new_stamp', 'each_message')
@@ -102,7 +104,7 @@ class FootprintSettings:
         'topic of the footprint, geometry_msgs/PolygonStamped; by default its name'))
     type: str = field(default=POLYGON, metadata=_setting(  # noqa: A003, the parameter's name
         'polygon is geometry_msgs/PolygonStamped; polygon_2d is polygon_msgs/Polygon2DStamped, '
-        'whose coordinates are float64', choices=(POLYGON, POLYGON_2D)))
+        'whose coordinates are float64', choices=FOOTPRINT_TYPES))
     timeout: float = field(default=1.0, metadata=_setting(
         's; a footprint older than this by its header stamp is unknown; 0.0 for never',
         live=True, safety=True, limits=(0.0, _DAY)))
@@ -174,8 +176,7 @@ class ObstacleSettings:
     type: str = field(default=POLYGON, metadata=_setting(  # noqa: A003, the parameter's name
         'polygon is geometry_msgs/PolygonStamped; polygon_instance is PolygonInstanceStamped, '
         'whose ids identify obstacles; polygon_collection is polygon_msgs/Polygon2DCollection, '
-        'of which each message is a whole set',
-        choices=(POLYGON, POLYGON_INSTANCE, POLYGON_COLLECTION)))
+        'of which each message is a whole set', choices=OBSTACLE_TYPES))
     set_end: str = field(default=NONE, metadata=_setting(
         'what ends a set, which is all that the publisher sees: empty_polygon, one after the last '
         'obstacle; new_stamp, as all of a set have one stamp and the next set a newer one; '

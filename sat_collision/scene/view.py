@@ -66,9 +66,9 @@ class SceneView:
     def nearest_obstacles(self, limit: int,
                           room: int) -> tuple[list[tuple[ObstacleId, Polygon]], bool]:
         """
-        Return obstacles as `obstacles` does, those nearest to footprints, and whether all are.
+        Return obstacles as `obstacles` does, those nearest to footprints, and whether all.
 
-        Up to `limit`, and as many as so many doubles have room for.
+        The limits are those of `PackedSet.nearest_rows`.
         """
         rows, are_all = self._contacts.nearest_rows(limit, room)
         return [(obstacle.name, polygon) for source in self.sources.values()
@@ -86,7 +86,7 @@ class SceneView:
         return source.settings if source else self._footprints[name].settings
 
     def footprint_timeout(self, source: str) -> float:
-        """Return the least timeout in s of enabled footprints that monitor a source, 0.0: none."""
+        """Return the least timeout in s of enabled footprints that monitor a source, or 0.0."""
         return min((one.timeout for one in self.settings.footprints
                     if one.enabled and one.timeout and one.monitors(source)), default=0.0)
 

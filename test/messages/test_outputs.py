@@ -24,6 +24,7 @@ from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 import shapely
+import shapes
 from stage import square
 
 
@@ -445,7 +446,7 @@ def test_fewer_obstacles_of_many_vertices_are_drawn(scene):
     """And their contacts: each pair of convex parts takes time."""
     place(scene, 'a', box(0, 0))
     for k in range(40):
-        place(scene, 'map', (star(64) + 0.01 * k).tolist())
+        place(scene, 'map', (shapes.star(64) + 0.01 * k).tolist())
     end(scene)
     markers = drawn(scene)
     count = len(markers['map/outline', 1].points) // 256
@@ -454,12 +455,8 @@ def test_fewer_obstacles_of_many_vertices_are_drawn(scene):
     cloud = contact_cloud(scene, 'a', Time(sec=9))
     found = np.frombuffer(bytes(cloud.data), np.uint32).reshape(-1, cloud.point_step // 4)[:, -1]
     assert 1 < len({*found.tolist()}) < 40
-
-
-def star(points):
-    """Return the vertices of a star with so many points."""
-    angles = np.arange(2 * points) * np.pi / points
-    return np.column_stack([np.cos(angles), np.sin(angles)]) * np.tile([[1.0], [0.9]], (points, 1))
+    place(scene, 'b', shapes.star(64).tolist())
+    assert contact_cloud(scene, 'b', Time(sec=9)).width > 0
 
 
 def test_points_of_unchanged_polygons_are_reused(scene):

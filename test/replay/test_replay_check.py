@@ -384,7 +384,8 @@ def test_sets_in_one_message_give_what_the_same_sets_give_polygon_by_polygon(tmp
 
     def sets():
         for k in range(40):
-            yield k / 10, box(0.2 * k), [box(6), notched, *[box(9, k)] * (k % 3), box(0, 4)]
+            x = 6 if as_live else 6 - 0.05 * k
+            yield k / 10, box(0.2 * k), [box(x), notched, *[box(9, k)] * (k % 3), box(0, 4)]
     one_by_one, at_once = [], []
     for time, robot, obstacles in sets():
         stamp = START + round(time * SECOND)

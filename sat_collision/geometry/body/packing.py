@@ -117,28 +117,20 @@ def plain_turn(points, received):
     Return which way a polygon turns, 1 for left, -1 for right, its least point and its bounds.
 
     The least point may be -1, the last one. The turn is 0 unless the first test of `orient` shows
-    each to be the same way, and only one point is less than both neighbours: most convex polygons
-    need no further examination.
+    each to be the same way, and only one point is less than both neighbours (docs/exactness.md,
+    lemma 12): most convex polygons need no further examination.
     """
-    least = 0
-    minima = 0
-    left = 0
-    right = 0
+    least = minima = left = right = 0
     min_x, min_y, max_x, max_y = NOWHERE
-    x = points[2 * received - 2]
-    y = points[2 * received - 1]
+    x, y = points[2 * received - 2], points[2 * received - 1]
     before = max(received - 2, 0)
-    ex = x - points[2 * before]
-    ey = y - points[2 * before + 1]
+    ex, ey = x - points[2 * before], y - points[2 * before + 1]
     rises_to = ex > 0.0 or (ex == 0.0 and ey > 0.0)
     for i in range(received):
-        fx = points[2 * i] - x
-        fy = points[2 * i + 1] - y
-        x = points[2 * i]
-        y = points[2 * i + 1]
+        fx, fy = points[2 * i] - x, points[2 * i + 1] - y
+        x, y = points[2 * i], points[2 * i + 1]
         rises_from = fx > 0.0 or (fx == 0.0 and fy > 0.0)
-        product = ex * fy
-        other = ey * fx
+        product, other = ex * fy, ey * fx
         bound = ORIENTATION_BOUND * (abs(product) + abs(other)) + UNDERFLOW_BOUND
         left += product - other > bound
         right += other - product > bound
@@ -146,8 +138,7 @@ def plain_turn(points, received):
             minima += 1
             least = i - 1
         rises_to = rises_from
-        ex = fx
-        ey = fy
+        ex, ey = fx, fy
         min_x = x if x < min_x else min_x
         min_y = y if y < min_y else min_y
         max_x = x if x > max_x else max_x

@@ -255,7 +255,8 @@ def _write_touched(p, q, sign, sides, place):
     """
     Write the sides of an outline P that have a vertex of Q on them, and no neighbour behind them.
 
-    Each is the normal times a sign, then the indices of its ends and the vertex. Return their end.
+    Each is the outward normal times a sign, and the indices of the side's ends and the vertex.
+    Return where they end.
     """
     v, w = p.array, q.array
     first, other_first = first_vertex(p), first_vertex(q)

@@ -46,7 +46,8 @@ _HIDDEN = 16.0 * 2.0 ** -106
 _LOST = 2.0 ** -1022
 # The direction of an edge below this length may be an artefact of underflow.
 SHORT = 2.0 ** -900
-# Exceeds the rounding error of a distance along an axis, relative to the coordinates: lemma 20.
+# Exceeds the rounding error of a distance along an axis, relative to the largest coordinate: see
+# docs/exactness.md, lemma 20.
 ROUNDING = 2.0 ** -47
 # Offsets along an edge up to this, relative to the largest coordinate, count as zero.
 _NO_OFFSET = 2.0 ** -92
@@ -104,7 +105,7 @@ def of_all_features(p, q):
 
 @kernel
 def closest_of(p, q, features):
-    """Return the nearest points of P and Q, rounded once, and the unit vector from P to Q."""
+    """Return x, y, x, y of the nearest points, rounded once, and the unit vector from P to Q."""
     v, w = p.array, q.array
     _, pa, pb, qa, qb, nx, ny = features
     size = square_root(dot(nx, ny, nx, ny))

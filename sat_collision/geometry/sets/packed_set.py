@@ -63,8 +63,7 @@ class PackedSet(PolygonSet):
         """
         Return the rows with a body whose bounds are nearest to any box, and whether these are all.
 
-        Up to `limit` rows, and those after the first only as far as so many doubles have room for
-        them.
+        Up to `limit`, for whose bodies no more doubles than `room` are reserved; or just one.
         """
         rows = np.flatnonzero(self._rows.n[:self._used_rows])
         min_x, min_y, max_x, max_y = (column[rows] for column in self._rows[:4])

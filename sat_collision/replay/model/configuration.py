@@ -26,8 +26,9 @@ from sat_collision.scene.parameters import (
     check_names_given, declare_parameters, DEFAULT_NAMES, is_name_of, ParameterError,
     parameters_by_node, read_settings, type_problem, without_value)
 from sat_collision.scene.settings import (
-    CommandSettings, EMPTY_POLYGON, FootprintSettings, ObstacleSettings, PathSettings, POLYGON,
-    POLYGON_2D, POLYGON_COLLECTION, POLYGON_INSTANCE, Settings, Spec, TF)
+    CommandSettings, EMPTY_POLYGON, FOOTPRINT_TYPES, FootprintSettings, OBSTACLE_TYPES,
+    ObstacleSettings, PathSettings, POLYGON, POLYGON_2D, POLYGON_COLLECTION, POLYGON_INSTANCE,
+    Settings, Spec, TF)
 import yaml
 
 Source: TypeAlias = FootprintSettings | ObstacleSettings | CommandSettings | PathSettings
@@ -42,8 +43,7 @@ _KINDS = {'geometry_msgs/msg/PolygonStamped': POLYGON,
           'polygon_msgs/msg/Polygon2DCollection': POLYGON_COLLECTION,
           'geometry_msgs/msg/PolygonInstanceStamped': POLYGON_INSTANCE}
 _TYPES = {kind: name for name, kind in _KINDS.items()}
-_TYPES_OF = {'footprints': (POLYGON, POLYGON_2D),
-             'obstacles': (POLYGON, POLYGON_INSTANCE, POLYGON_COLLECTION)}
+_TYPES_OF = {'footprints': FOOTPRINT_TYPES, 'obstacles': OBSTACLE_TYPES}
 _PARAMETERS = {field.name for field in fields(Settings)}
 _OPTIONS = {'footprints': '--footprint', 'obstacles': '--obstacles'}
 _TOPIC = re.compile(r'(~/|/)?[A-Za-z_]\w*(/[A-Za-z_]\w*)*', re.ASCII)
@@ -223,27 +223,28 @@ def wrong_types(settings: Settings, types: Mapping[str, str]) -> Iterator[tuple[
 
 
 def has_marks(source: Source) -> bool:
-    """Return whether empty polygons end the sets of a source."""
+    """Return whether a source is enabled, and an empty polygon ends each of its sets."""
     return (isinstance(source, ObstacleSettings) and source.enabled
             and source.set_end == EMPTY_POLYGON)
 
 
 def is_map(source: Source) -> bool:
+    """Return whether a source is enabled, and does not age."""
     return isinstance(source, ObstacleSettings) and source.enabled and not source.timeout
 
 
 def check_shared_topics(inputs: Iterable[FootprintSettings | ObstacleSettings]) -> None:
     """
-    Raise ParameterError where inputs of one topic count at different times.
+    Raise ParameterError if inputs of one topic differ in what their messages are ordered by.
 
-    Marks, and that a map may be of any time, say when all messages of their topic count, see
-    `StampOrder`.
+    `StampOrder` orders the messages of a topic in one way: with the mark of their set, as those of
+    a map, or each by its stamp.
     """
-    inputs = [one for one in inputs if one.enabled and is_subscribed(one)]
+    taken = [one for one in inputs if one.enabled and is_subscribed(one)]
     for what, is_so in (('ends its sets with a mark and {} does not', has_marks),
                         ('is a map and {} is not', is_map)):
-        for source in filter(is_so, inputs):
-            for other in inputs:
+        for source in filter(is_so, taken):
+            for other in taken:
                 if other.topic == source.topic and not is_so(other):
                     raise ParameterError(
                         f'{source.topic}: {source.name} {what.format(other.name)}, so by recorded '
@@ -314,7 +315,7 @@ def _detected(polygons: Mapping[str, str], kinds: list[str], missing: set[str]
     found: dict[str, str] = {}
     is_certain = True
     if 'footprints' in kinds:
-        plain = [topic for topic, kind in polygons.items() if kind in _TYPES_OF['footprints']]
+        plain = [topic for topic, kind in polygons.items() if kind in FOOTPRINT_TYPES]
         named = [topic for topic in plain if 'footprint' in topic.lower()]
         candidates = plain if len(plain) == 1 else named
         is_certain = len(candidates) == 1 or not plain

@@ -378,8 +378,10 @@ def test_recording_can_be_closed_early(tmp_path):
 
 
 @pytest.mark.parametrize('as_live', (False, True), ids=('motion', 'live'))
-def test_sets_in_one_message_give_what_the_same_sets_give_polygon_by_polygon(tmp_path, as_live):
+def test_sets_in_one_message_give_what_the_same_sets_give_polygon_by_polygon(
+        tmp_path, monkeypatch, as_live):
     """Also ones that are not convex, and a footprint of float64; without polygon_msgs."""
+    monkeypatch.setattr(replay, '_TOGETHER', 14)
     notched = [(6, 3), (8, 3), (8, 5), (7, 4), (6, 5)]
 
     def sets():

@@ -126,8 +126,10 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
     """Raise OSError where a path is an input or another output, or cannot be written."""
     several, plot, write_bag = len(arguments.bags) > 1, arguments.plot, arguments.write_bag
     if write_bag:
-        if not several and Path(write_bag).exists():
-            raise OSError(f'--write-bag: {write_bag} already exists')
+        for bag in ([Path(write_bag, name_for_outputs(bag)) for bag in arguments.bags] if several
+                    else [Path(write_bag)]):
+            if bag.exists():
+                raise OSError(f'--write-bag: {bag} already exists')
         check_bag_writer()
     in_folder = several and plot and not _is_page(plot)
     if plot and not _is_page(plot):

@@ -54,17 +54,21 @@ def check_one(path: str, options: Options, progress: OnProgress | None = None) -
 
 
 def check_alone(path: str, options: Options, progress: OnProgress | None = None) -> Result:
-    """Check a recording; until a bag written for it is whole, it is in a hidden folder beside."""
-    if not options.write_bag or os.path.exists(options.write_bag):
+    """
+    Check a recording; until a bag written for it is whole, it is in a hidden folder beside.
+
+    An attempt whose process dies leaves nothing that the next one finds. Where an earlier attempt
+    wrote the bag, but its result was lost, the bag stays.
+    """
+    if not options.write_bag:
         return check(path, options, progress)
     bag = Path(options.write_bag)
     bag.parent.mkdir(parents=True, exist_ok=True)
-    # Where its process dies, the next attempt does not find what was written.
     with tempfile.TemporaryDirectory(prefix=_unfinished(tempfile.gettempdir()),
                                      dir=bag.parent) as folder:
         unfinished = Path(folder, bag.name)
         result = check(path, replace(options, write_bag=str(unfinished)), progress)
-        if unfinished.exists():
+        if unfinished.exists() and not bag.exists():
             unfinished.rename(bag)
     return result
 

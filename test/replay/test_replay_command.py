@@ -312,8 +312,9 @@ def test_written_bag_does_not_overwrite(bags, tmp_path, capsys):
         with Reader(tmp_path / 'out' / name) as reader:
             assert reader.message_count > 100
     capsys.readouterr()
-    assert main([bags['clear'], bags['collision'], *to_out]) == 3
-    assert capsys.readouterr().out.count('exists') == 2
+    assert main([bags['unknown'], bags['collision'], *to_out]) == 3
+    out, error = capsys.readouterr()
+    assert out == '' and f"{tmp_path / 'out' / 'collision'} already exists" in error
 
 
 def test_progress_is_shown_on_a_terminal_only(monkeypatch):

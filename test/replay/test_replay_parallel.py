@@ -138,6 +138,15 @@ def test_bag_of_a_lost_process_is_written_anew(bags, tmp_path, monkeypatch, requ
     assert on_cluster or len([*(tmp_path / 'out').iterdir()]) == 4, 'its part is removed'
 
 
+def test_recording_whose_result_was_lost_is_checked_again_beside_its_bag(bags, tmp_path):
+    """It was with a worker that died later, as another recording was checked."""
+    options = replace(OPTIONS, as_live=True, write_bag=str(tmp_path / 'out'))
+    for _ in range(2):
+        assert parallel.check_one(bags[0], options).problems == []
+        assert check(tmp_path / 'out' / 'bag0').problems == []
+        assert [path.name for path in (tmp_path / 'out').iterdir()] == ['bag0']
+
+
 def test_bag_of_one_recording_is_where_it_is_asked_for_on_a_cluster_too(bags, tmp_path, cluster):
     """Several have a folder in which each has its own."""
     out = tmp_path / 'out'

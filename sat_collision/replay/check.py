@@ -403,7 +403,7 @@ class _Check:
         topics = [topic for topic, kind in self._recording.topics.items()
                   if kind == LOSS_TYPE and self._recording.counts[topic]]
         losses = Losses(start, stop)
-        for topic, times, events in self._recording.peek(topics) if topics else ():
+        for topic, times, events in self._recording.rows(topics) if topics else ():
             for time, event in zip(times, events):
                 try:
                     losses.add(time, event)
@@ -415,7 +415,7 @@ class _Check:
               stop: int | None = None) -> Iterator[Row]:
         """Return messages of the recording; commands without a header are given one."""
         twists = {topic for topic in topics if self._recording.topics.get(topic) == TWIST_TYPE}
-        rows = self._recording.rows(topics, start, stop)
+        rows = self._recording.rows(topics, start, stop, self._options.content)
         if self._losses:
             rows = self._losses.mark(rows)
         return ((topic, times, [*map(stamped, messages)] if topic in twists else messages)
@@ -431,7 +431,7 @@ class _Check:
 
     def _first_stamp(self, names: Collection[str]) -> int | None:
         """Return the header stamp with which the recording begins, None if there is none."""
-        stamps = (header_stamp(data) for topic, _, messages in self._recording.peek(names)
+        stamps = (header_stamp(data) for topic, _, messages in self._recording.rows(names)
                   if self._recording.topics[topic] != TWIST_TYPE for data in messages)
         return next(filter(None, stamps), None)
 

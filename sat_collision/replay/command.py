@@ -119,7 +119,8 @@ def _options(arguments: argparse.Namespace) -> Options:
     check_values(parameters)
     given = {name: getattr(arguments, name)
              for name in vars(arguments).keys() & {field.name for field in fields(Options)}}
-    return Options(parameters=parameters, keyframes=bool(arguments.plot), **given)
+    return Options(parameters=parameters, keyframes=bool(arguments.plot),
+                   content=bool(arguments.json or arguments.expect), **given)
 
 
 def _check_outputs(arguments: argparse.Namespace) -> None:

@@ -82,26 +82,18 @@ class Recording(Storage):
 
     @property
     def content(self) -> str | None:
-        """A digest of the messages that were read, the same for any storage; None without any."""
+        """A digest of some of the messages read, the same for any storage; None without any."""
         if not self._sums:
             return None
         return hashlib.sha256(repr(sorted(self._sums.items())).encode()).hexdigest()[:16]
 
     def rows(self, topics: Collection[str], start: int | None = None,
-             stop: int | None = None) -> Iterator[Row]:
-        for row in self.peek(topics, start, stop):
-            topic, times, messages = row
-            # Of the times the lowest 32 bits count.
-            self._sums[topic] += sum(map(zlib.crc32, messages, times))
-            yield row
-
-    def peek(self, topics: Collection[str], start: int | None = None,
-             stop: int | None = None) -> Iterator[Row]:
-        """Yield the same as `rows`, but leave it out of `content`."""
+             stop: int | None = None, is_digested: bool = False) -> Iterator[Row]:
+        """Yield messages as any storage does; those digested are a part of `content`."""
         read: Counter[str] = Counter()
         unfit = 0
         for row in in_time_order(self._parts, topics, start, stop):
-            topic, _, messages = row
+            topic, times, messages = row
             # A message in CDR is less, by its first byte.
             if max(messages) >= ZSTD_MAGIC:
                 for k, data in enumerate(messages):
@@ -112,6 +104,9 @@ class Recording(Storage):
                             unfit += 1
                             messages[k] = b''
             read[topic] += len(messages)
+            if is_digested:
+                # Of the times the lowest 32 bits count.
+                self._sums[topic] += sum(map(zlib.crc32, messages, times))
             yield row
         if unfit:
             self._faults.differs('unfit', f'{unfit} messages are compressed and damaged')

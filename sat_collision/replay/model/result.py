@@ -60,6 +60,7 @@ class Options:
     fail_on: str | None = None  # PLAN: no plan may be in contact, or unknown
     sample: float = 0.1  # as live, how often to measure separations
     keyframes: bool = False  # keep where the bodies were, to be drawn
+    content: bool = False  # digest the messages, which tells whether two recordings are the same
     write_bag: str | None = None  # as live, where to write what the node would have published
     limits: Limits = Limits()
     debug: bool = False  # show where an unexpected error is raised
@@ -255,7 +256,7 @@ class Result:
     origin: int | None = None  # when the recording begins
     start: int | None = None  # what part of it was checked
     end: int | None = None
-    content: str | None = None  # a digest of the messages, the same wherever they are stored
+    content: str | None = None  # the digest of the messages, the same wherever they are stored
     footprints: list[FootprintResult] = field(default_factory=list)
     sources: list[SourceResult] = field(default_factory=list)
     contacts: list[Contact] = field(default_factory=list)

@@ -157,6 +157,8 @@ class _Check:
             drawing = self._drawing = SceneDrawing(self._scene, moments) if moments else None
             self._timeline = self._live = Timeline(self._scene, footprints, drawing)
             self._timers.append(Timer(options.sample, self._live.sample))
+            # Contacts may end before all of the messages are applied that waited for a transform.
+            self._scene.on_collision = self._report
         else:
             drawn = self._drawing = MotionDrawing(moments) if moments else None
             self._timeline = self._motion = RecordedMotion(
@@ -277,7 +279,7 @@ class _Check:
             self._receive_latched(latched, names, start, numbers, ordered)
         for topic, time, batch in runs:
             if by_header and not now:
-                if not time or topic in TRANSFORM_TOPICS:
+                if time <= 0 or topic in TRANSFORM_TOPICS:
                     time = 0
                 else:
                     self._begin(time, early)
@@ -290,7 +292,7 @@ class _Check:
                 for data in batch:
                     self._keep(monitor.receive_transforms(topic, data, now))
                     if now:
-                        self._follow(now)
+                        self._follow()
                         self._plans.follow(now)
             if self._losses:
                 self._lose(names[topic], batch)
@@ -301,7 +303,7 @@ class _Check:
                             header_stamp(batch[0]) + timeout)
                 last = arrivals.receive_run(monitor, name, now, bound)
                 if last is not None:
-                    self._follow(now)
+                    self._follow()
                     self._now = now = last
                     continue
             for name in names[topic]:
@@ -390,7 +392,7 @@ class _Check:
             self._keep(rejections)
         if self._motion and name in self._monitor.commands.last:
             self._motion.command(name, self._monitor.commands.last[name])
-        self._follow(now)
+        self._follow()
 
     def _lose(self, names: Iterable[str], messages: list[bytes]) -> None:
         """Tell the monitor of a loss before some messages."""
@@ -433,7 +435,7 @@ class _Check:
         """Return the header stamp with which the recording begins, None if there is none."""
         stamps = (header_stamp(data) for topic, _, messages in self._recording.rows(names)
                   if self._recording.topics[topic] != TWIST_TYPE for data in messages)
-        return next(filter(None, stamps), None)
+        return next((stamp for stamp in stamps if stamp > 0), None)
 
     def _keep(self, rejections: Iterable[Rejection]) -> None:
         """Reset the poses of rejected footprints, and keep the first example of each reason."""
@@ -450,19 +452,22 @@ class _Check:
         self._undecodable[topic] += 1
         self._undecoded.setdefault(topic, why)
 
-    def _follow(self, now: int) -> None:
-        """Process new placements and, once the clock has started, changed states."""
+    def _follow(self) -> None:
+        """Process new placements and changed states."""
         untaken = self._untaken = len(self._placements)
         if untaken >= self._together or (
                 untaken and untaken * len(self._placements[-1].points[0]) > _MAX_BYTES):
             self._place(untaken)
-        if not now:
+        self._report()
+
+    def _report(self) -> None:
+        """Record changed states, and how deep contacts are, once the clock has started."""
+        if not self._now:
             return
-        changed, _ = self._scene.take_changes()
-        if changed:
-            self._change(changed, now)
+        if changed := self._scene.take_changes().changed:
+            self._change(changed, self._now)
         if self._live and self._live.touching:
-            self._live.deepen(now)
+            self._live.deepen(self._now)
 
     def _place(self, count: int) -> None:
         """Pass the first placements to recorded motion."""
@@ -498,7 +503,7 @@ class _Check:
             if deadline <= self._due:
                 self._now = int(deadline)
                 self._keep(self._monitor.advance(self._now))
-                self._follow(self._now)
+                self._follow()
             else:
                 timer = min(self._timers, key=_due_of)
                 self._scene.pass_time(int(timer.due))

@@ -267,7 +267,7 @@ def until_set_back(rows: Iterable[Row], tolerances: Mapping[str, int],
     for topic, times, messages in rows:
         for k, data in enumerate(messages if topic in tolerances else ()):
             for name, stamp in _frames_of(data) if topic == TF else ((topic, header_stamp(data)),):
-                before = latest.get(name, 0)
+                before = latest.get(name, stamp)
                 oldest = before - tolerances[topic]
                 if not stamp or not oldest <= stamp <= before and (
                         topic in marks and marks[topic](data)):

@@ -67,7 +67,7 @@ class Evaluator:
         self._causes: tuple[object, ...] = ()
         # Footprints evaluated since the last call of `take_changes`, and those then in collision.
         self._evaluated: set[Footprint] = set()
-        self._collided: set[Footprint] = set()
+        self.collided: set[Footprint] = set()
         self.use(settings)
 
     def use(self, settings: Settings) -> None:
@@ -103,7 +103,7 @@ class Evaluator:
                 self._evaluated.add(footprint)
             deadline = min(deadline, footprint.deadline)
             if footprint.status is Status.COLLISION:
-                self._collided.add(footprint)
+                self.collided.add(footprint)
         changed.clear()
         return deadline
 
@@ -143,7 +143,7 @@ class Evaluator:
         for name, footprint in self._footprints.items():
             if footprint in self._evaluated:
                 before, collides = footprint.reported, footprint.status is Status.COLLISION
-                if footprint in self._collided and not (
+                if footprint in self.collided and not (
                         collides or before and before[0] is Status.COLLISION):
                     changes.brief.append(name)
                 if footprint.evaluation != before or collides and footprint.gained_or_lost:
@@ -151,5 +151,5 @@ class Evaluator:
                     changes.changed.append(name)
                 footprint.gained_or_lost.clear()
         self._evaluated.clear()
-        self._collided.clear()
+        self.collided.clear()
         return changes

@@ -63,6 +63,9 @@ class Scene(SceneView):
         self.deadline: float = NEVER
         # Whether the motion of all footprints is tracked, not only where a state depends on it.
         self.tracks_motion = False
+        # Called when a footprint has come into collision: where several messages were waiting for a
+        # transform, the next one may end it.
+        self.on_collision: Callable[[], None] | None = None
         # What the last checks of paths found, by name of the footprint.
         self.path_checks: dict[str, PathCheck] = {}
         # Whether contacts of footprints are decided; if not, only what is unknown is found.
@@ -486,3 +489,5 @@ class Scene(SceneView):
     def _evaluate(self) -> None:
         """Evaluate the footprints for which something has changed."""
         self.deadline = min(self.deadline, self._evaluator.evaluate(self._now))
+        if self.on_collision and self._evaluator.collided:
+            self.on_collision()

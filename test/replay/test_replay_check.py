@@ -289,9 +289,11 @@ def test_stamps_of_maps_are_not_the_header_clock(tmp_path, as_live, off):
 
 
 @pytest.mark.parametrize('as_live', [False, True])
-@pytest.mark.parametrize('topic', ['/footprint', '/obstacles', '/elsewhere'])
-def test_header_clock_that_nothing_starts_is_noted(tmp_path, as_live, topic):
-    bag = write(tmp_path / 'bag', [(topic, k / 10, serialised(box(0), 0)) for k in range(9)])
+@pytest.mark.parametrize('topic, stamp', [
+    ('/footprint', 0), ('/footprint', -SECOND), ('/obstacles', 0), ('/elsewhere', 0)])
+def test_header_clock_that_nothing_starts_is_noted(tmp_path, as_live, topic, stamp):
+    """Neither messages without a stamp do, nor such as are from before 1970."""
+    bag = write(tmp_path / 'bag', [(topic, k / 10, serialised(box(0), stamp)) for k in range(9)])
     result = check(bag, Options(as_live=as_live, clock=HEADER, footprints=('/footprint',),
                                 obstacles=('/obstacles',)))
     assert result.verdict is Verdict.UNKNOWN

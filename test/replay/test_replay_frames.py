@@ -16,8 +16,9 @@ from builders import collection, odometry, SECOND, serialised, transforms
 import pytest
 from recordings import (
     box, check, COLLECTION, declared, INSTANCE, MARKS, nanoseconds, POLYGON, SOURCE, STAMPS, write)
+from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.model.configuration import settings_of
-from sat_collision.replay.model.result import HEADER, Options, Verdict
+from sat_collision.replay.model.result import HEADER, NODE, Options, Verdict
 from sat_collision.scene.parameters import ParameterError
 
 TYPES = {**dict.fromkeys(('/tf', '/tf_static'), 'tf2_msgs/msg/TFMessage'),
@@ -83,6 +84,28 @@ def test_contact_as_live_is_soon_after(tmp_path, clock):
     assert 2.03 <= seconds(first) <= 2.2
     assert 3.23 <= seconds(last) <= 3.6
     assert not any(source.rejected for source in result.sources)
+
+
+@pytest.mark.parametrize('delay', (0.0, 0.2))
+def test_contact_amid_messages_that_waited_together_is_found_as_live(tmp_path, delay):
+    """A hole in /tf: of the footprints that wait for its end one touches, but not the last one."""
+    messages = [('/tf', time, transforms(('odom', 'base', nanoseconds(time), x, 0.0)))
+                for time, x in ((0.0, 0.0), (0.1, 0.0), (0.401, 9.0), (0.6, 9.0))]
+    for k in range(5):
+        stamp = nanoseconds(k / 10)
+        messages += [('/obstacles', k / 10, serialised(box(3.5), stamp, 'odom')),
+                     ('/footprint', k / 10, serialised(box(0), stamp, 'base'))]
+    result = run(tmp_path / 'bag', messages, PARAMETERS | {
+        'transform_timeout': 0.5, 'release_delay': delay}, as_live=True,
+        write_bag=str(tmp_path / 'out'))
+    assert result.problems == [] and result.verdict is Verdict.COLLISION
+    contact, = result.contacts
+    assert seconds(contact.first) == seconds(contact.last) == 0.401 and contact.depth > 0.0
+    with Recording(tmp_path / 'out') as out:
+        flags = [(time, data[-1]) for _, times, row in out.rows([f'{NODE}/footprint/collision'])
+                 for time, data in zip(times, row)]
+    assert (contact.first, 1) in flags
+    assert delay or flags[flags.index((contact.first, 1)) + 1] == (contact.first, 0)
 
 
 def test_delayed_transforms_delay_contacts_as_live(tmp_path):

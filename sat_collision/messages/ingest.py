@@ -33,7 +33,7 @@ from sat_collision.scene.frames import LONGEST_FRAME_ID, Mapped, NoTransform
 from sat_collision.scene.obstacle_store import Followed, Polygons, Shape, TOO_MANY
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import (
-    CommandSettings, EACH_MESSAGE, EMPTY_POLYGON, FootprintSettings, in_ns, NEVER,
+    CommandSettings, EACH_MESSAGE, EMPTY_POLYGON, FootprintSettings, in_ns, NEVER, NONE,
     ObstacleSettings, PathSettings, POLYGON, POLYGON_2D, POLYGON_COLLECTION, POLYGON_INSTANCE,
     Settings)
 from sat_collision.scene.velocity import Velocity
@@ -243,7 +243,7 @@ class Ingest:
             if name in self.headers and points[2] and points[0] is data:
                 self.headers[name] = (data[STAMP_SIZE:points[1] - COUNT_SIZE], points[1], sent_in)
             return None
-        self._note_alive(name, now, stamp, instance)
+        self._note_alive(name, now, stamp, instance, refusal)
         return self.reject(settings, refusal, detail_of(
             refusal, frame_id, scene.frame_id, (now - stamp) / 1e9, settings.timeout))
 
@@ -396,9 +396,16 @@ class Ingest:
         self._note_alive(settings.name, now, stamp, instance)
         return self.reject(settings, reason, detail)
 
-    def _note_alive(self, name: str, now: int, stamp: int | None, instance: int | None) -> None:
-        """For recorded motion: a refused message with an id shows that its publisher is alive."""
-        if self._placements is not None and instance and stamp is not None and stamp <= now:
+    def _note_alive(self, name: str, now: int, stamp: int | None, instance: int | None,
+                    refusal: str = '') -> None:
+        """
+        For recorded motion: a refused message shows that its publisher is alive.
+
+        If it has an id, or is one too many where nothing ends a listing.
+        """
+        if self._placements is not None and stamp is not None and stamp <= now and (
+                instance or refusal == TOO_MANY and (
+                    self._scene.sources[name].settings.ending == NONE)):
             self._placements.append(Placement(
                 name, stamp or now, self._fixed, _NO_POINTS, None, None,
                 *self._scene.joined(name)))

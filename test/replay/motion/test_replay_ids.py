@@ -94,11 +94,14 @@ def test_obstacle_at_rest_with_an_id_is_one_contact(tmp_path):
 
 
 @pytest.mark.parametrize('as_live', (False, True))
-def test_refused_message_shows_that_the_publisher_of_an_id_is_alive(tmp_path, as_live):
-    """An id that the robot touches is held until one timeout after a message of another id."""
-    messages = samples([0.0] * 40) + [track(0.1, 1, 0.5), track(1.0, 2, float('nan'))]
+@pytest.mark.parametrize('refused, parameters', [
+    (track(1.0, 2, float('nan')), {}), (track(1.0, 0, 9.0), {'tracks.max_count': 1})],
+    ids=('invalid, with an id', 'more than max_count, without one'))
+def test_refused_message_shows_that_the_publisher_is_alive(tmp_path, as_live, refused, parameters):
+    """What the robot touches is held until one timeout after a message of another obstacle."""
+    messages = samples([0.0] * 40) + [track(0.1, 1 if not parameters else 0, 0.5), refused]
     contact, = (result := run(tmp_path, messages, None, as_live=as_live, parameters={
-        'tracks.timeout': 1.0})).contacts
+        'tracks.timeout': 1.0, **parameters})).contacts
     assert since(result, contact.first, contact.last) == pytest.approx([0.1, 2.0], abs=1e-6)
 
 

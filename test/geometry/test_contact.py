@@ -384,6 +384,18 @@ def test_depth_in_a_corner_leaves_both_walls():
     assert found.depth == pytest.approx(math.sqrt(0.125), rel=1e-13)
 
 
+@pytest.mark.parametrize('arm', [1.0, 10.0, 50.0])
+def test_vertices_that_become_one_by_rounding_are_no_side(arm):
+    """A circle whose last point almost is the first one, and a wall that is long beside that."""
+    angles = np.linspace(0.0, 2 * np.pi, 17)
+    circle = np.column_stack([np.cos(angles), np.sin(angles)])
+    wall = [(-arm, -arm), (arm, -arm), (arm, -0.5), (-0.5, -0.5), (-0.5, arm), (-arm, arm)]
+    a, b = Polygon(circle), Polygon(wall)
+    assert len(a.vertices) == 17
+    for pair in (a, b), (b, a):
+        assert check(*pair).depth == pytest.approx(contact(circle[:-1], wall).depth, rel=1e-13)
+
+
 def test_far_from_the_origin_the_way_out_is_as_exact():
     """It depends on the extent of the bodies, not on where they are."""
     offset = [2.0 ** 40, -2.0 ** 41]

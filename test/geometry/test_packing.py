@@ -256,3 +256,8 @@ def test_float64_bytes_are_packed_exactly(affine):
 def test_points_beyond_the_bytes_are_an_error(start, count):
     with pytest.raises(ValueError, match='are not in 28 bytes'):
         Polygon.from_float32(bytes(28), start, count)
+
+
+def test_limit_of_vertices_has_to_be_an_integer():
+    with pytest.raises(TypeError, match='True is not an integer'):
+        Polygon.from_float32(*message([(0, 0), (2, 0), (2, 1)]), True)

@@ -95,6 +95,7 @@ def test_limit_of_vertices_counts_cleaned_ones():
     kind, message = reason(np.column_stack([np.cos(angles), np.sin(angles)]))
     assert kind is Reason.TOO_MANY_VERTICES and '1024' in message
     assert reason(SQUARE, max_vertices=3)[0] is Reason.TOO_MANY_VERTICES
+    assert Polygon(SQUARE, 10 ** 30) == Polygon(SQUARE)
 
 
 def test_centroid_of_an_offset_triangle_and_of_a_segment():
@@ -144,6 +145,7 @@ def crosses(ring):
     ([(0, 0), (1, 0), (2, 0), (2, 2), (1, 2), (0, 2), (0, 1)], 4),
     ([(1, 0), (2, 0), (2, 2), (0, 2), (0, 0)], 4),
     ([(x, y, float('nan')) for x, y in SQUARE], 4),
+    ([(x, y, None) for x, y in SQUARE], 4),
     (np.array(SQUARE, np.float32), 4),
     (np.array(SQUARE, int), 4),
     ([(1, 1)], 1),
@@ -152,9 +154,9 @@ def crosses(ring):
     ([(0, 0), (1, 1), (0, 0)], 2),
     ([(1, 1), (3, 3), (0, 0), (2, 2)], 2),
     ([(-0.0, 0.0), (0.0, -0.0)], 1),
-], ids=['clockwise', 'closed', 'repeated', 'collinear', 'first collinear', 'z ignored', 'float32',
-        'integers', 'point', 'repeated point', 'segment', 'there and back', 'collinear only',
-        'signed zeros'])
+], ids=['clockwise', 'closed', 'repeated', 'collinear', 'first collinear', 'z ignored', 'no z',
+        'float32', 'integers', 'point', 'repeated point', 'segment', 'there and back',
+        'collinear only', 'signed zeros'])
 def test_rings_are_cleaned(points, vertices):
     """Superfluous vertices are dropped, and the order becomes counter-clockwise."""
     polygon = Polygon(points)

@@ -367,6 +367,7 @@ NOT_FINITE = np.where(np.arange(5)[:, None, None] == 2, np.nan, SQUARES)
     ((BOW_TIE.astype(object),), 'body 3: the edge from'),
     ((np.where(SQUARES == 1, np.array(10 ** 400, object), 0),), 'body 0: a coordinate is beyond'),
     ((SQUARES.astype(str),), 'body 0: coordinates that are not numbers but str'),
+    (([(0, 0, 0), (1, 1, 0), (0, 0, 0), (None, 1, 0)], [0, 2, 4]), 'body 1: .* not numbers'),
     ((np.ma.masked_equal(SQUARES, 1),), 'body 0: a masked array'),
     ((np.ones((4, 3, 5)),), r'body 0: points of shape \(3, 5\)'),
     ((np.empty((4, 0, 2)),), 'body 0: no points'),

@@ -15,6 +15,7 @@ import enum
 import math
 from numbers import Number
 from operator import index
+import sys
 from typing import Any, Protocol, SupportsIndex, TypeAlias
 
 import numpy as np
@@ -145,7 +146,7 @@ class Polygon:
 
     def __init__(self, points: BodyLike, max_vertices: int = MAX_VERTICES) -> None:
         try:
-            limit = integer(max_vertices)
+            limit = _limit_of(max_vertices)
         except TypeError:
             raise TypeError(f'max_vertices has to be an integer, but is {max_vertices!r}; holes '
                             'cannot be given: a body is all that its outline encloses') from None
@@ -180,8 +181,10 @@ class Polygon:
         size = TRIPLE * WORD * count
         if not 0 <= start <= start + size <= len(data):
             raise ValueError(f'{count} points from byte {start} on are not in {len(data)} bytes')
-        return cls._of_bytes((bytes(data[start:start + size]), 0, count, TRIPLE), max_vertices,
-                             max_vertices if max_non_convex is None else max_non_convex, affine)
+        limit = _limit_of(max_vertices)
+        return cls._of_bytes((bytes(data[start:start + size]), 0, count, TRIPLE), limit,
+                             limit if max_non_convex is None else _limit_of(max_non_convex),
+                             affine)
 
     @classmethod
     def _of_bytes(cls, points: Points, max_vertices: int, max_non_convex: int,
@@ -361,7 +364,7 @@ def coordinates(points: BodyLike) -> NDArray[np.float64]:
         raise _wrong('points of shape (2, 3), which might be three points in columns: transpose '
                      'them, or give two points without z')
     try:
-        return doubles(array)[:, :2]
+        return doubles(array[:, :2])
     except OverflowError as error:
         raise PolygonError(Reason.NOT_FINITE, f'a coordinate is {error}') from error
     except ValueError as error:
@@ -373,6 +376,11 @@ def integer(value: SupportsIndex) -> int:
     if isinstance(value, bool):
         raise TypeError(f'{value} is not an integer')
     return index(value)
+
+
+def _limit_of(vertices: SupportsIndex) -> int:
+    """Return how many vertices are accepted, an integer that kernels can take."""
+    return min(integer(vertices), sys.maxsize)
 
 
 def array_of(values: Any) -> NDArray[Any]:

@@ -155,7 +155,9 @@ def _write_sides(a, b, sides, place):
         before = body.end - 2
         for k in range(body.first, body.end if before > body.first else body.first, 2):
             ex, ey = unit(v[k] - v[before], v[k + 1] - v[before + 1])
-            place = _write_side(a, b, sign * ey, -sign * ex, sides, place)
+            # Vertices may have become one by rounding.
+            if ex != 0.0 or ey != 0.0:
+                place = _write_side(a, b, sign * ey, -sign * ex, sides, place)
             before = k
     return place
 

@@ -50,13 +50,13 @@ class PolygonSet:
     A set of bodies, each with a row number, that can be added, removed and replaced in place.
 
     All bodies are in one array. The space of a removed or outgrown body is reused when another
-    fits, or freed when the array is next rebuilt, which keeps it below four times what the bodies
-    need.
+    fits, or freed when the array is next rebuilt, which keeps it below four times what the largest
+    body of each row needed.
 
     Any number of threads may use a set. A query answers for the set as it is when the query
     begins; a change meanwhile is made in a copy. A process that is forked while another thread
-    uses a set has to make one of its own. Sets are equal if they have the same rows with
-    equal bodies; as they can change, they have no hash. They can be pickled.
+    uses a set has to make one of its own. Sets are equal if they have the same rows, removed ones
+    among them, with equal bodies; as they can change, they have no hash. They can be pickled.
 
     Parameters
     ----------
@@ -137,9 +137,10 @@ class PolygonSet:
             array = array.reshape(-1, array.shape[2])
         else:
             ends = ends_of(offsets, len(array))
+        array = array[:, :2] if array.shape[1] == 3 else array
         bodies = cls()
         try:
-            doubles = coordinates(array[:, :2] if array.shape[1] == 3 else array)
+            doubles = coordinates(array)
         except PolygonError:
             # One by one, to say which row it is.
             for row, (start, end) in enumerate(zip(ends, ends[1:])):

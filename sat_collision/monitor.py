@@ -231,6 +231,7 @@ class Monitor:
             else:
                 self.transforms.frames.limit_times(self._now, now)
                 self.outlines.limit_times(now)
+                self.waiting.limit_times(now)
         elif not self._now:
             ahead = self.scene.settings.future_tolerance * 1e9
             self.transforms.frames.clear(after=now + ahead)

@@ -247,6 +247,48 @@ def test_deadline_of_a_waiting_message(robot):
     assert robot.monitor.deadline == nanoseconds(1.25)
 
 
+@pytest.mark.parametrize('name', ['robot', 'lidar'])
+def test_message_from_the_future_in_another_frame_is_refused_at_once(robot, name):
+    """As in the fixed frame, so the good ones behind it do not wait; the contact is seen."""
+    instance = 1 if name == 'lidar' else None
+
+    def outcome(frame):
+        robot.rejections.clear()
+        assert robot.send(name, box(9), 3600.0, frame, instance)
+        return [one.text for one in robot.rejections], robot.state().reasons
+    robot.see(box(0.5), None, 'odom')
+    in_fixed = outcome('odom')
+    assert outcome('base') == in_fixed and robot.status() != 'clear'
+    assert robot.monitor.rejected == {(name, 'from the future'): 2}
+    robot.see(box(0.5), 1.0, 'base')
+    robot.send('robot', box(0), 1.0, 'base')
+    assert robot.status() == 'collision' and not robot.monitor.waiting.counts()
+
+
+def test_obstacle_from_the_future_behind_a_waiting_one_is_refused_at_once(robot):
+    robot.see(box(9), 1.0, 'camera')
+    robot.see(box(9), 2.01, 'base', 2)
+    assert 'sent what was refused: from the future' in robot.state().reasons[0]
+
+
+def test_map_behind_a_waiting_part_counts_whatever_its_stamp():
+    """Its stamps are of before the clock was set back."""
+    robot = Robot(replace(SETS, obstacles=(replace(SETS.obstacles[0], timeout=0.0),)))
+    robot.stand(0)
+    robot.see(box(9), 3600.0, 'camera', None)
+    robot.see(box(0.5), 3600.0, 'odom', None)
+    assert robot.monitor.waiting.counts() and robot.status() == 'collision'
+
+
+def test_small_step_back_of_the_clock_makes_no_wait_longer(robot):
+    robot.wait_until(1.05)
+    robot.see(box(9), 1.05)
+    robot.wait_until(0.65)
+    assert robot.monitor.deadline == nanoseconds(0.85)
+    robot.wait_until(0.8500001)
+    assert robot.reasons == [frames.NO_TRANSFORM] and not robot.monitor.waiting.counts()
+
+
 def test_waiting_counts_towards_the_age(robot):
     robot.wait_until(1.05)
     robot.see(box(9), 1.05)

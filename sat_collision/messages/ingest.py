@@ -177,10 +177,7 @@ class Ingest:
         scene, name = self._scene, settings.name
         stamp = instance = None
         try:
-            stamp, sent_in, points, instance = self._decode[name](data)
-            if not settings.timeout and isinstance(settings, ObstacleSettings):
-                # A map does not age, and may have been kept since the clock was set back.
-                stamp = min(stamp, now)
+            stamp, sent_in, points, instance = self._read(settings, data, now)
             frame_id = sent_in
             affine: Affine2D | None = None
             origin, followed = None, ''
@@ -190,7 +187,7 @@ class Ingest:
                     fault = LONG_FRAME_ID, (f'{len(frame_id)} characters where '
                                             f'{LONGEST_FRAME_ID} are accepted')
                 return self.refuse(settings, *fault, now, stamp, instance, number)
-            if self._transforms and frame_id != self._fixed and points[2]:
+            if self._transforms and points[2] and self._needs_transform(frame_id, stamp, now):
                 found = self._lookup(settings, frame_id, stamp, now)
                 if isinstance(found, NoTransform):
                     if found.may_come and may_wait and stamp:
@@ -257,11 +254,11 @@ class Ingest:
         body: Shape | None = None
         stamp, instance, refusal = 0, None, None
         try:
-            stamp, frame_id, points, instance = self._decode[settings.name](data)
+            stamp, frame_id, points, instance = self._read(settings, data, now)
             if not points[2]:
                 return None
             affine = UNMOVED
-            if frame_id != self._fixed:
+            if self._needs_transform(frame_id, stamp, now):
                 found = self._lookup(settings, frame_id, stamp, now)
                 if isinstance(found, NoTransform):
                     if found.may_come and stamp:
@@ -292,6 +289,19 @@ class Ingest:
         if settings.ending == EMPTY_POLYGON:
             return None if points[2] else NEVER
         return stamp or NEVER if settings.timeout else NEVER
+
+    def _read(self, settings: FootprintSettings | ObstacleSettings, data: bytes,
+              now: int) -> tuple[int, str, Any, int | None]:
+        """Return stamp, frame, points and instance of a message."""
+        stamp, frame_id, points, instance = self._decode[settings.name](data)
+        if not settings.timeout and isinstance(settings, ObstacleSettings):
+            # A map does not age, and may have been kept since the clock was set back.
+            stamp = min(stamp, now)
+        return stamp, frame_id, points, instance
+
+    def _needs_transform(self, frame_id: str, stamp: int, now: int) -> bool:
+        """Return whether a message is in another frame; one from the future is refused in any."""
+        return frame_id != self._fixed and not (stamp > now and self._scene.from_future(stamp))
 
     def _shape(self, settings: ObstacleSettings, points: Any, affine: Affine2D | None,
                followed: str = '') -> Shape:

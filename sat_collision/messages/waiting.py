@@ -170,6 +170,14 @@ class WaitingItems:
                 source.stream.drop(held.number)
         self._note_firsts()
 
+    def limit_times(self, now: int) -> None:
+        """Let no item wait longer because the clock went back a little."""
+        latest = now + self._timeout
+        for queue in self._queues.values():
+            queue.items = deque(held._replace(until=min(held.until, latest))
+                                for held in queue.items)
+        self._note_firsts()
+
     def clear(self, now: int) -> None:
         """Drop all messages: the clock was set. A map goes on without those, to be sent again."""
         queues, self._queues = self._queues, {}

@@ -136,7 +136,7 @@ class Scene(SceneView):
         if not footprint.settings.enabled:
             return None
         self.receive_number(name, number, now)
-        if stamp > now and (problem := self._from_future(stamp)):
+        if stamp > now and (problem := self.from_future(stamp)):
             self._invalidate(footprint, f'was refused: {problem}')
             self._evaluate()
             return FROM_FUTURE
@@ -216,7 +216,7 @@ class Scene(SceneView):
         if body is None and source.settings.set_end == EMPTY_POLYGON:
             # A mark ends a set whatever its stamp.
             read = min(stamp, now)
-        elif stamp > now and (refused := self._from_future(stamp)):
+        elif stamp > now and (refused := self.from_future(stamp)):
             read = None
         elif body is not None and self.frame_id and frame_id != self.frame_id:
             refused = OTHER_FRAME
@@ -264,7 +264,7 @@ class Scene(SceneView):
         The reason has no figures; stamp and instance are None if they could not be read.
         """
         self.pass_time(now)
-        if stamp is not None and self._from_future(stamp):
+        if stamp is not None and self.from_future(stamp):
             stamp = None
         source = self.sources.get(name)
         if source is None:
@@ -338,7 +338,7 @@ class Scene(SceneView):
         The order is its number in the queue; the body is None if it is refused.
         """
         source = self.sources[name]
-        if problem := self._from_future(stamp):
+        if problem := self.from_future(stamp):
             body, refusal = None, problem
         source.receive_early(body, self.frame_id, stamp, self._now, order, instance, refusal)
         self._follow_up(source)
@@ -444,7 +444,7 @@ class Scene(SceneView):
         # What follows from it is due.
         self.deadline = -NEVER
 
-    def _from_future(self, stamp: int) -> str | None:
+    def from_future(self, stamp: int) -> str | None:
         """Return why a stamp from the future is refused, None for another stamp."""
         if not 0 < self._now < stamp - self._future_tolerance:
             return None

@@ -166,9 +166,10 @@ class FootprintMonitor(Node):
     def _watch_jumps(self, tolerance: float) -> None:
         """Notice where the simulated clock steps by more than a tolerance in s, or begins."""
         self._tolerance = tolerance
+        least = round(tolerance * 1e9) + 1
         self._jumps = self.get_clock().create_jump_callback(
-            JumpThreshold(min_forward=Duration(seconds=tolerance),
-                          min_backward=Duration(seconds=-tolerance), on_clock_change=True),
+            JumpThreshold(min_forward=Duration(nanoseconds=least),
+                          min_backward=Duration(nanoseconds=-least), on_clock_change=True),
             post_callback=self._on_jump)
 
     def _on_jump(self, jump: TimeJump) -> None:
@@ -189,9 +190,11 @@ class FootprintMonitor(Node):
             is_set |= self._clock_watch.steps(now, steady, self._tolerance)
         if is_set and self._monitor.set_clock(now):
             self._health.count_event('the clock', 'steps beyond future_tolerance', 1)
+            advice = ('; if /clock only comes that seldom, raise future_tolerance above its step, '
+                      'or the rate of /clock') if self._is_simulated else ''
             self.get_logger().warning(
                 f'the clock was set by more than future_tolerance, {self._tolerance:g} s: all '
-                'begins anew', throttle_duration_sec=_LOG_PERIOD)
+                f'begins anew{advice}', throttle_duration_sec=_LOG_PERIOD)
             self._publish_changes()
         return now
 

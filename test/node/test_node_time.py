@@ -124,6 +124,18 @@ def test_clock_that_steps_drops_everything(start, step):
         monitor.await_state(state)
 
 
+def test_clock_that_comes_once_in_future_tolerance_is_not_set(start):
+    """By one ns more it is; the log says what to do if it only comes seldom."""
+    monitor = start(use_sim_time=True, future_tolerance=0.5, **LASTING)
+    begin(monitor, APART, 'clear')
+    half = SECOND // 2
+    for later, wanted in ((HOUR + half, ('clear', '0.500')), (HOUR, ('clear', '0.000')),
+                          (HOUR + half + 1, ('unknown', ''))):
+        monitor.set_clock(later, at_once=True)
+        monitor.until(lambda: (monitor.state(), values(monitor.status())['age']) == wanted, wanted)
+    monitor.logged('if /clock only comes that seldom, raise future_tolerance')
+
+
 def test_step_of_the_system_clock_begins_anew(start, monkeypatch):
     """It was set by 5 s, as by NTP at the start of a robot without a battery for its clock."""
     offset = 0

@@ -271,6 +271,19 @@ def test_obstacle_from_the_future_behind_a_waiting_one_is_refused_at_once(robot)
     assert 'sent what was refused: from the future' in robot.state().reasons[0]
 
 
+@pytest.mark.parametrize('frame', ['odom', 'base'])
+def test_set_from_the_future_replaces_none_that_waits(frame):
+    """The good one is placed once its transform comes."""
+    robot = Robot(replace(SETTINGS, obstacles=(
+        ObstacleSettings('lidar', '/polygons', set_end='each_message'),)))
+    robot.stand(0)
+    robot.see(box(0.5), 0.0, 'base', None)
+    robot.see(box(9), 3600.0, frame, None)
+    assert robot.status() == 'unknown' and not robot.reasons
+    robot.move(0.0)
+    assert robot.status() == 'collision' and robot.reasons == ['from the future']
+
+
 def test_map_behind_a_waiting_part_counts_whatever_its_stamp():
     """Its stamps are of before the clock was set back."""
     robot = Robot(replace(SETS, obstacles=(replace(SETS.obstacles[0], timeout=0.0),)))

@@ -274,7 +274,7 @@ class Ingest:
         self._refused = []
         return None
 
-    def end_of(self, settings: ObstacleSettings, data: bytes) -> float | None:
+    def end_of(self, settings: ObstacleSettings, data: bytes, now: int) -> float | None:
         """
         Return the stamp of the newest messages that one replaces which ends a listing.
 
@@ -283,11 +283,13 @@ class Ingest:
         if settings.ending not in (EACH_MESSAGE, EMPTY_POLYGON):
             return None
         try:
-            stamp, _, points, _ = self._decode[settings.name](data)
+            stamp, _, points, _ = self._read(settings, data, now)
         except MessageError:
             return None
         if settings.ending == EMPTY_POLYGON:
             return None if points[2] else NEVER
+        if self._is_from_future(stamp, now):
+            return None
         return stamp or NEVER if settings.timeout else NEVER
 
     def _read(self, settings: FootprintSettings | ObstacleSettings, data: bytes,
@@ -301,7 +303,10 @@ class Ingest:
 
     def _needs_transform(self, frame_id: str, stamp: int, now: int) -> bool:
         """Return whether a message is in another frame; one from the future is refused in any."""
-        return frame_id != self._fixed and not (stamp > now and self._scene.from_future(stamp))
+        return frame_id != self._fixed and not self._is_from_future(stamp, now)
+
+    def _is_from_future(self, stamp: int, now: int) -> bool:
+        return stamp > now and self._scene.from_future(stamp) is not None
 
     def _shape(self, settings: ObstacleSettings, points: Any, affine: Affine2D | None,
                followed: str = '') -> Shape:

@@ -128,7 +128,7 @@ class WaitingItems:
         limit, end = _FOOTPRINTS_WAIT, None
         if isinstance(settings, ObstacleSettings):
             limit = _SETS_WAIT * settings.max_count
-            end = None if held.happens else self._ingest.end_of(settings, held.data)
+            end = None if held.happens else self._ingest.end_of(settings, held.data, now)
         queue = self._queues.get(name)
         if queue is None:
             queue = self._queues[name] = _Queue(self._count)

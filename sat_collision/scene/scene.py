@@ -63,8 +63,8 @@ class Scene(SceneView):
         self.deadline: float = NEVER
         # Whether the motion of all footprints is tracked, not only where a state depends on it.
         self.tracks_motion = False
-        # Called when a footprint has come into collision: where several messages were waiting for a
-        # transform, the next one may end it.
+        # Called when a footprint has come into collision: where several messages were waiting for
+        # a transform, the next one may end it.
         self.on_collision: Callable[[], None] | None = None
         # What the last checks of paths found, by name of the footprint.
         self.path_checks: dict[str, PathCheck] = {}

@@ -33,6 +33,8 @@ from sat_collision.replay.motion.trajectories import Box, Link, Trajectory
 from sat_collision.scene.obstacles import ObstacleId
 
 _NOTHING = indexable(np.zeros(1)), 0
+# Up to how far apart the sweep takes bodies to touch, in m, with what rounded times take.
+_TOLERANCE = 2e-6
 
 
 class ContactTracker:
@@ -259,20 +261,34 @@ class ContactTracker:
                 contact.found = AT_A_SAMPLE
             self._contacts.deepen(contact, pair.end_name, 0.0 - value, pair.end, (own, other))
             return contact
-        last = self._first(pair.backwards())
+        fault = last = None
+        try:
+            last = self._first(pair.backwards())
+        except PolygonError as error:
+            fault = error
         begun = max(contact.first, pair.begin)
         contact.last = begun if last is None else max(begun, last)
         contact.between[1] = pair.end
-        depth, time, bodies = max(
-            ((0.0 - separation(*bodies), time, bodies) for time, bodies in (
-                (time, pair.at(time)) for time in _between(begun, contact.last))),
-            key=itemgetter(0))
+        measured = []
+        for time in (*_between(begun, contact.last), begun):
+            try:
+                bodies = pair.at(time)
+                measured.append((0.0 - separation(*bodies), time, bodies))
+            except PolygonError as error:
+                fault = error
+        depth, time, bodies = max(measured, key=itemgetter(0))
         # Not less than for touching: the sweep reports contact within its tolerance.
         self._contacts.deepen(contact, pair.name, max(depth, 0.0 - self._margin), time, bodies)
+        if fault:
+            raise fault
         return None
 
     def _first(self, pair: _Pair) -> int | None:
-        """Return when a pair first touches on a part of its motion."""
+        """
+        Return when a pair first touches on a part of its motion.
+
+        A PolygonError is raised where that depends on an outline that is not valid.
+        """
         own, other = pair.at(pair.begin)
         value = separation(own, other)
         if value <= self._margin:
@@ -280,7 +296,17 @@ class ContactTracker:
         if value - self._margin > pair.most_motion():
             return None
         share = time_of_contact(*pair.rings(), margin=self._margin)
-        return None if share is None else pair.begin + round(share * (pair.end - pair.begin))
+        if share is None:
+            return None
+        length = pair.end - pair.begin
+        time = pair.begin + round(share * length)
+        if abs(length) > 1 and separation(*pair.at(time)) - self._margin > _TOLERANCE:
+            # The sweep took hulls for parts that do not stay convex. In halves they stay so, or
+            # their bodies stay apart.
+            middle = pair.begin + length // 2
+            first = self._first(pair._replace(end=middle))
+            return self._first(pair._replace(begin=middle)) if first is None else first
+        return time
 
 
 class _NearestInSteps:

@@ -12,7 +12,7 @@
 from builders import SECOND, serialised
 import numpy as np
 import pytest
-from recordings import check, INSTANCE, START, write
+from recordings import check, INSTANCE, STAMPS, START, write
 
 shapely = pytest.importorskip('shapely')
 
@@ -129,3 +129,23 @@ def compared(path, seed, samples):
                 assert distance(robot, other, end) < NEAR
             check_manifold(contact, robot.at(contact.deepest), other.at(contact.deepest))
     return met
+
+
+@pytest.mark.parametrize('seed', [48, 801, 6624])
+def test_outline_that_changes_its_shape_is_not_taken_for_its_hull(tmp_path, seed):
+    """A scanner sees a U, and a small robot moves in its mouth, which parts of it leave open."""
+    rng = np.random.default_rng(seed)
+    outline = np.array([(0, 0), (1, 0), (2, 0), (3, 0), (3, 1), (3, 2), (2.5, 2), (2.5, 1),
+                        (2.5, 0.5), (1.5, 0.5), (0.5, 0.5), (0.5, 1), (0.5, 2), (0, 2), (0, 1)])
+    seen = [outline + rng.normal(0, 0.08, outline.shape) for _ in range(2)]
+    start = np.array([rng.uniform(0.6, 1.9), rng.uniform(0.55, 0.75)])
+    robot = 0.3 * SHAPES[0] + start
+    robots = [robot, robot + [rng.uniform(-0.1, 0.1), rng.uniform(-0.1, 0.1)]]
+    result = check(write(tmp_path / 'bag', [
+        (topic, 0.1 * k, bodies[k].tolist())
+        for k in range(2) for topic, bodies in (('/footprint', robots), ('/obstacles', seen))]),
+        set_end=STAMPS)
+    least = min(geometry(a + share * (b - a)).distance(geometry(c + share * (d - c)))
+                for share in np.linspace(0.0, 1.0, 101) for (a, b), (c, d) in [(robots, seen)])
+    assert least > 0.01 and result.contacts == []
+    assert result.footprints[0].undetermined == 0

@@ -9,7 +9,10 @@
 
 """Where motion is undetermined: neither clear nor a contact."""
 
+import math
+
 from builders import SECOND
+import numpy as np
 import pytest
 from recordings import at, box, MARKS, run, samples, since, SOURCE, STAMPS, START
 from sat_collision.replay.model.result import Options, Verdict
@@ -122,3 +125,15 @@ def test_set_that_one_ends_all_of_which_is_refused_is_not_whole(tmp_path, later)
         at(0.8, refused), at(1.0, refused)] + [at(time, box(0.0)) for time in later]
     result = run(tmp_path, messages, STAMPS)
     assert since(result, result.undetermined[0].first) == [pytest.approx(0.6)]
+
+
+def test_outline_that_crosses_itself_where_it_meets_something_is_undetermined(tmp_path):
+    """An L turns by 221 degrees between two messages, and passes a box."""
+    shape = np.array([(-1, -1), (1, -1), (1, -0.8), (-0.8, -0.8), (-0.8, 1), (-1, 1)])
+    c, s = math.cos(3.8577), math.sin(3.8577)
+    ends = shape + [0.5, -3.5], shape @ [(c, s), (-s, c)] + [0.5, 4.5]
+    messages = [message for k in range(8) for message in (
+        at(k / 10, ends[k > 3].tolist(), 0.0, '/footprint'), at(k / 10, box(0.0, size=0.3)))]
+    result = run(tmp_path, messages)
+    assert result.contacts == [] and result.verdict is Verdict.UNKNOWN
+    assert result.footprints[0].undetermined == SECOND // 10

@@ -194,7 +194,7 @@ def non_convex(rng, count):
         for name in ('improved', 'shapely'):
             make = LIBRARIES[name].make
             rows.append({'library': name, 'n': len(pairs[0][0]), 'pairs': len(pairs),
-                         'wrong': int((run(name, prepared)[0] != meet).sum()),
+                         'wrong': int((run(name, prepared) != meet).sum()),
                          **_times(len(pairs), {'make': lambda: [make(a) for a, _ in pairs],
                                                'ask': lambda: run(name, prepared)})})
     return rows

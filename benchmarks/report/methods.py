@@ -48,22 +48,22 @@ class Method(NamedTuple):
 
 
 METHODS = {
-    'traditional': Method('traditional', '#000000', 'o', rivals.traditional_axes),
+    'traditional': Method('traditional', '#000000', 'o', rivals.traditional),
     'traditional_float32': Method('traditional, float32', '#7f7f7f', 's',
-                                  rivals.traditional_axes),
-    'boxed': Method('box pre-test', '#56B4E9', '^', rivals.boxed_axes, rivals.bounds),
-    'published_a': Method('published A', '#D55E00', 'v', rivals.published_a_axes,
+                                  rivals.traditional),
+    'boxed': Method('box pre-test', '#56B4E9', '^', rivals.boxed, rivals.bounds),
+    'published_a': Method('published A', '#D55E00', 'v', rivals.published_a,
                           rivals.centre_of_gravity),
-    'published_b': Method('published B', '#CC79A7', 'D', rivals.published_b_axes,
+    'published_b': Method('published B', '#CC79A7', 'D', rivals.published_b,
                           rivals.centre_of_gravity),
-    'hybrid': Method('published, hybrid', '#AA4499', '<', rivals.hybrid_axes,
+    'hybrid': Method('published, hybrid', '#AA4499', '<', rivals.hybrid,
                      rivals.centre_of_gravity),
-    'closest': Method('published, Eq. 3–4', '#999933', '>', rivals.closest_axes),
-    'literal': Method('published, Eq. 5', '#CC6677', 'd', rivals.literal_axes,
+    'closest': Method('published, Eq. 3–4', '#999933', '>', rivals.closest),
+    'literal': Method('published, Eq. 5', '#CC6677', 'd', rivals.literal,
                       rivals.centre_of_gravity),
-    'binary': Method('binary-search SAT', '#E69F00', 'h', rivals.binary_axes, rivals.head),
-    'gjk': Method('GJK', '#332288', 'p', rivals.gjk_axes, rivals.head),
-    'filtered': Method('filtered orientations', '#117733', '8', rivals.filtered_axes, rivals.head),
+    'binary': Method('binary-search SAT', '#E69F00', 'h', rivals.binary, rivals.head),
+    'gjk': Method('GJK', '#332288', 'p', rivals.gjk, rivals.head),
+    'filtered': Method('filtered orientations', '#117733', '8', rivals.filtered, rivals.head),
     'improved': Method('improved', '#009E73', '*'),
     'shapely': Method('shapely', '#0072B2', 'X'),
 }
@@ -119,21 +119,26 @@ class Pairs:
 
 
 def run(name, pairs):
-    """Return the answers of a method, and how many axes it took or None."""
+    """Return the answers of a method."""
     if name == 'improved':
-        return intersects_pairs(*pairs.sets), None
+        return intersects_pairs(*pairs.sets)
     if name == 'shapely':
-        return shapely.intersects(*pairs.prepared(shapely_shape)), None
+        return shapely.intersects(*pairs.prepared(shapely_shape))
+    return steps(name, pairs) == 0
+
+
+def steps(name, pairs):
+    """Return the step at which a rival calls each pair apart, 0 if none."""
     method, prepare = METHODS[name].kernel, METHODS[name].prepare
-    answers, axes = np.empty(len(pairs), np.bool_), np.empty(len(pairs), np.int64)
+    found = np.empty(len(pairs), np.int8)
     (a, a_ends), (b, b_ends) = (pairs.packed_float32 if name == 'traditional_float32'
                                 else pairs.packed)
     if prepare is None:
-        _stream(method, a, a_ends, b, b_ends, answers, axes)
+        _stream(method, a, a_ends, b, b_ends, found)
     else:
         of_a, of_b = (side if COMPILED else side.tolist() for side in pairs.prepared(prepare))
-        _stream_prepared(method, a, a_ends, of_a, b, b_ends, of_b, answers, axes)
-    return answers, axes
+        _stream_prepared(method, a, a_ends, of_a, b, b_ends, of_b, found)
+    return found
 
 
 def applicable():
@@ -148,7 +153,7 @@ def run_once(name, pairs):
         return shapely.intersects(*(shapely.polygons(np.stack(bodies)) for bodies in pairs.sides))
     method, prepare = METHODS[name].kernel, METHODS[name].prepare
     if name != 'improved' and prepare is None:
-        return run(name, pairs)[0]
+        return run(name, pairs)
     answers = np.empty(len(pairs), np.bool_)
     (a, a_ends), (b, b_ends) = pairs.packed
     if name == 'improved':
@@ -180,18 +185,17 @@ else:
 
 
 @kernel
-def _stream(method, a, a_ends, b, b_ends, answers, axes):
+def _stream(method, a, a_ends, b, b_ends, found):
     a, b = _borrowed(a), _borrowed(b)
-    for i in range(len(answers)):
-        answers[i], axes[i] = method(a[a_ends[i]:a_ends[i + 1]], b[b_ends[i]:b_ends[i + 1]])
+    for i in range(len(found)):
+        found[i] = method(a[a_ends[i]:a_ends[i + 1]], b[b_ends[i]:b_ends[i + 1]])
 
 
 @kernel
-def _stream_prepared(method, a, a_ends, of_a, b, b_ends, of_b, answers, axes):
+def _stream_prepared(method, a, a_ends, of_a, b, b_ends, of_b, found):
     a, b, of_a, of_b = _borrowed(a), _borrowed(b), _borrowed(of_a), _borrowed(of_b)
-    for i in range(len(answers)):
-        answers[i], axes[i] = method(a[a_ends[i]:a_ends[i + 1]], b[b_ends[i]:b_ends[i + 1]],
-                                     of_a[i], of_b[i])
+    for i in range(len(found)):
+        found[i] = method(a[a_ends[i]:a_ends[i + 1]], b[b_ends[i]:b_ends[i + 1]], of_a[i], of_b[i])
 
 
 @kernel
@@ -200,7 +204,7 @@ def _stream_once(method, prepare, a, a_ends, b, b_ends, answers):
     for i in range(len(answers)):
         p = a[a_ends[i]:a_ends[i + 1]]
         q = b[b_ends[i]:b_ends[i + 1]]
-        answers[i], _ = method(p, q, prepare(p), prepare(q))
+        answers[i] = not method(p, q, prepare(p), prepare(q))
 
 
 @kernel
@@ -224,7 +228,7 @@ def measure(seeds, scale=1.0):
             prepared = Pairs(pairs)
             with np.errstate(all='ignore'):
                 for name in applicable():
-                    found[name].update(counts(run(name, prepared)[0], meet))
+                    found[name].update(counts(run(name, prepared), meet))
             for name, seconds in times({name: partial(run, name, prepared) for name in found
                                         if name not in UNTIMED}, REPEATS).items():
                 taken[name] += [1e9 * one / len(pairs) for one in seconds]
@@ -245,7 +249,7 @@ def once(rng, scale=1.0):
         tasks = {name: partial(run_once, name, prepared) for name in applicable()
                  if name not in UNTIMED}
         for name, task in tasks.items():
-            if (task() != run(name, prepared)[0]).any():
+            if (task() != run(name, prepared)).any():
                 raise AssertionError(f'{name} answers otherwise where bodies are used once')
         rows += [{'method': name, 'n': n, 'ns': round(seconds / len(prepared) * 1e9, 1)}
                  for name, seconds in medians(tasks, REPEATS).items()]

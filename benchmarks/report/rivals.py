@@ -11,9 +11,9 @@
 The methods compared, as kernels: the traditional one, the paper's, other SATs, GJK, orientations.
 
 Each takes two convex polygons as counter-clockwise (n, 2) and (m, 2) arrays, and returns whether
-the closed sets share a point and how many axes or edges it tried, with a test of the bounding
-boxes counted as two. What a method needs to know of each body is an argument: its box, its centre
-of gravity or its head, which is both. All compute in plain floating point except one.
+the closed sets are apart: False, or the number of the step that separates them, True where there
+is one step. What a method needs to know of each body is an argument: its box, its centre of
+gravity or its head, which is both. All compute in plain floating point except one.
 
 The paper is Liang and Liu, "The Research of Collision Detection Algorithm Based on Separating Axis
 Theorem"; boxes and centres belong to its pre-treatment stage (section 6).
@@ -46,35 +46,28 @@ _CGAL_MAX = 1e153
 
 
 @kernel
-def traditional_axes(p, q):
+def traditional(p, q):
     """
     Decide by the normals of all edges (section 2.3), points and segments too.
 
     Complete, up to rounding. Arrays of float32 are processed in float32.
     """
-    axes = 0
     for body in (p, q):
         for i in range(len(body)):
-            axes += 1
             if edge_separates(p, q, body, i):
-                return False, axes
-    if len(p) < 3 and len(q) < 3:
-        # Without area, bodies on one line are separate along that line only.
-        return not (separates(p, q, 1, 0) or separates(p, q, 0, 1)), axes + 2
-    return True, axes
+                return True
+    # Without area, bodies on one line are separate along that line only.
+    return len(p) < 3 and len(q) < 3 and (separates(p, q, 1, 0) or separates(p, q, 0, 1))
 
 
 @kernel
-def boxed_axes(p, q, bounds_p, bounds_q):
+def boxed(p, q, bounds_p, bounds_q):
     """Decide by bounding boxes, which are exact, then as the traditional method (section 1)."""
-    if boxes_apart(bounds_p, bounds_q):
-        return False, 2
-    collides, axes = traditional_axes(p, q)
-    return collides, axes + 2
+    return boxes_apart(bounds_p, bounds_q) or traditional(p, q)
 
 
 @kernel
-def published_a_axes(p, q, centre_p, centre_q):
+def published_a(p, q, centre_p, centre_q):
     """
     Decide as the paper's sections 3.1 and 3.2 say (reading A).
 
@@ -85,21 +78,21 @@ def published_a_axes(p, q, centre_p, centre_q):
     """
     x, y = centre_q[0] - centre_p[0], centre_q[1] - centre_p[1]
     if separates(p, q, x, y):
-        return False, 1
-    return _axes_at(p, q, _furthest(p, x, y), _furthest(q, -x, -y))
+        return 1
+    return _step_at(p, q, _furthest(p, x, y), _furthest(q, -x, -y))
 
 
 @kernel
-def literal_axes(p, q, centre_p, centre_q):
+def literal(p, q, centre_p, centre_q):
     """Decide as reading A, with B and C as equation 5 is printed: the longest OB / cos BOE."""
     x, y = centre_q[0] - centre_p[0], centre_q[1] - centre_p[1]
     if separates(p, q, x, y):
-        return False, 1
-    return _axes_at(p, q, _longest(p, centre_p, x, y), _longest(q, centre_q, -x, -y))
+        return 1
+    return _step_at(p, q, _longest(p, centre_p, x, y), _longest(q, centre_q, -x, -y))
 
 
 @kernel
-def published_b_axes(p, q, centre_p, centre_q):
+def published_b(p, q, centre_p, centre_q):
     """
     Decide by steps 1 to 4 of the paper's section 4 (reading B).
 
@@ -112,25 +105,20 @@ def published_b_axes(p, q, centre_p, centre_q):
     high = max(p[i - 1, 0] * x + p[i - 1, 1] * y, p[i, 0] * x + p[i, 1] * y)
     low = min(q[j - 1, 0] * x + q[j - 1, 1] * y, q[j, 0] * x + q[j, 1] * y)
     if high < low:
-        return False, 1
-    if edge_separates(p, q, p, i):
-        return False, 2
-    return not edge_separates(p, q, q, j), 3
+        return 1
+    return 2 if edge_separates(p, q, p, i) or edge_separates(p, q, q, j) else 0
 
 
 @kernel
-def hybrid_axes(p, q, centre_p, centre_q):
+def hybrid(p, q, centre_p, centre_q):
     """Project all vertices on the centre line, then on the normals of the edges it crosses."""
     x, y = centre_q[0] - centre_p[0], centre_q[1] - centre_p[1]
-    if separates(p, q, x, y):
-        return False, 1
-    if edge_separates(p, q, p, crossed_edge(p, centre_p, x, y)):
-        return False, 2
-    return not edge_separates(p, q, q, crossed_edge(q, centre_q, -x, -y)), 3
+    return (separates(p, q, x, y) or edge_separates(p, q, p, crossed_edge(p, centre_p, x, y))
+            or edge_separates(p, q, q, crossed_edge(q, centre_q, -x, -y)))
 
 
 @kernel
-def closest_axes(p, q):
+def closest(p, q):
     """Decide by the line through the closest points, by brute force as equations 3 and 4 say."""
     least, x, y = math.inf, 0.0, 0.0
     for body, other in ((p, q), (q, p)):
@@ -140,7 +128,7 @@ def closest_axes(p, q):
                 square = to_x * to_x + to_y * to_y
                 if square < least:
                     least, x, y = square, to_x, to_y
-    return not separates(p, q, x, y), 1
+    return separates(p, q, x, y)
 
 
 @kernel
@@ -162,21 +150,18 @@ def head(polygon):
 
 
 @kernel
-def _axes_at(p, q, b, c):
-    """Try the edges at two vertices that may be nearest, and the lines from each to the others."""
-    axes = 1
+def _step_at(p, q, b, c):
+    """Try the edges at two vertices that may be nearest, then the lines from each to others."""
     for body, nearest in ((p, b), (q, c)):
         for i in (nearest, (nearest + 1) % len(body)):
-            axes += 1
             if edge_separates(p, q, body, i):
-                return False, axes
+                return 2
     for body, vertex, other, nearest in ((p, b, q, c), (q, c, p, b)):
         for i in (nearest, (nearest + 1) % len(other)):
-            axes += 1
             x, y = to_edge(body[vertex, 0], body[vertex, 1], other, i)
             if separates(p, q, x, y):
-                return False, axes
-    return True, axes
+                return 3
+    return 0
 
 
 @kernel
@@ -252,24 +237,22 @@ def crossed_edge(polygon, centre, x, y):
 
 
 @kernel
-def binary_axes(p, q, head_p, head_q):
+def binary(p, q, head_p, head_q):
     """Try the normal of each edge by the support vertex of the other body (O'Rourke 1998, 7.9)."""
     if boxes_apart(head_p, head_q):
-        return False, 2
-    axes = 2
+        return True
     for body, other in ((p, q), (q, p)):
         for i in range(len(body)):
-            axes += 1
             x, y = body[i, 1] - body[i - 1, 1], body[i - 1, 0] - body[i, 0]
             k = support(other, -x, -y)
             reach = max(body[i - 1, 0] * x + body[i - 1, 1] * y, body[i, 0] * x + body[i, 1] * y)
             if other[k, 0] * x + other[k, 1] * y > reach:
-                return False, axes
-    return True, axes
+                return True
+    return False
 
 
 @kernel
-def gjk_axes(p, q, head_p, head_q):
+def gjk(p, q, head_p, head_q):
     """
     Walk to the point of Q - P nearest to the origin, as van den Bergen (1999) does.
 
@@ -277,29 +260,27 @@ def gjk_axes(p, q, head_p, head_q):
     point is an axis that separates, or is as good as the origin.
     """
     if boxes_apart(head_p, head_q):
-        return False, 2
-    axes = 2
+        return True
     x, y = head_q[4] - head_p[4], head_q[5] - head_p[5]
     ax, ay, bx, by = x, y, x, y
     points = 1
     largest = math.sqrt(x * x + y * y)
     for _ in range(_MAX_STEPS):
-        axes += 1
         length = math.sqrt(x * x + y * y)
         if length <= GJK_TOLERANCE * largest:
-            return True, axes
+            return False
         i = support(p, x, y)
         j = support(q, -x, -y)
         wx, wy = q[j, 0] - p[i, 0], q[j, 1] - p[i, 1]
         largest = max(largest, math.sqrt(wx * wx + wy * wy))
         if wx * x + wy * y > GJK_TOLERANCE * length * largest:
-            return False, axes
+            return True
         if points == 2 and _holds_origin(ax, ay, bx, by, wx, wy):
-            return True, axes
+            return False
         # The nearest point of the triangle lies on one of the two edges at the new vertex.
         x, y, ax, ay = _nearer_edge(ax, ay, bx, by, wx, wy)
         bx, by, points = wx, wy, 2
-    return True, axes
+    return False
 
 
 @kernel
@@ -372,18 +353,14 @@ def _nearest_on_segment(ax, ay, bx, by):
 
 
 @kernel
-def filtered_axes(p, q, head_p, head_q):
+def filtered(p, q, head_p, head_q):
     """Decide by orientations that are each filtered: the method labelled filtered orientations."""
     if boxes_apart(head_p, head_q):
-        return False, 2
+        return True
     if len(p) <= 2 and len(q) <= 2:
-        return segments_meet(p[0, 0], p[0, 1], p[-1, 0], p[-1, 1],
-                             q[0, 0], q[0, 1], q[-1, 0], q[-1, 1]), 3
-    apart, axes = _some_edge_separates(p, q)
-    if not apart:
-        apart, more = _some_edge_separates(q, p)
-        axes += more
-    return not apart, axes + 2
+        return not segments_meet(p[0, 0], p[0, 1], p[-1, 0], p[-1, 1],
+                                 q[0, 0], q[0, 1], q[-1, 0], q[-1, 1])
+    return _some_edge_separates(p, q) or _some_edge_separates(q, p)
 
 
 @kernel
@@ -398,8 +375,8 @@ def _some_edge_separates(body, other):
                 break
             k = k + 1 if k + 1 < len(other) else 0
         if separates:
-            return True, i + 1
-    return False, len(body)
+            return True
+    return False
 
 
 @kernel

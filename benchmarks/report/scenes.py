@@ -22,13 +22,13 @@ from _shared import medians
 import numpy as np
 from published import load
 from sat_collision import intersects_pairs, Polygon, PolygonSet, separation
-from sat_collision.geometry.body.layout import convex_part, Packed
-from sat_collision.geometry.compiled.jit import indexable, kernel
+from sat_collision.geometry.body.layout import body_of, convex_part, rows_of
+from sat_collision.geometry.compiled.jit import kernel
 from sat_collision.geometry.pair.separating_axis import (
     boxes_apart, find_separating_axis, SEPARATE, UNCERTAIN)
 
-# Testing bounding boxes counts as trying two axes.
-BOX_AXES = 2
+# What decides a pair: boxes or discs, axes in plain doubles, or the exact stage.
+BOXES, AXES, EXACT = range(3)
 # Fewer pairs than this are not timed.
 _FEWEST_TIMED = 100
 # The names of the recordings in test/data on the page.
@@ -115,12 +115,12 @@ def cost():
     for name, frames in scenes().items():
         a, b = zip(*((Polygon(footprint), Polygon(obstacle))
                      for footprint, obstacles in frames for obstacle in obstacles))
-        axes, exact = tried(a, b)
+        found = stages(PolygonSet(a), PolygonSet(b))
         whole, contacts = _timed(a, b)
-        unsure = np.flatnonzero(exact)
+        unsure = np.flatnonzero(found == EXACT)
         there, _ = _timed([a[i] for i in unsure], [b[i] for i in unsure])
         rows.append({'scene': name, 'frames': len(frames), 'pairs': len(a), 'contacts': contacts,
-                     'boxes': int((axes == BOX_AXES).sum()), 'exact': len(unsure),
+                     'boxes': int((found == BOXES).sum()), 'exact': len(unsure),
                      'ns': whole and round(whole / len(a) * 1e9, 1),
                      'exact_time': 0.0 if not len(unsure) else there and round(there / whole, 4)})
     return rows
@@ -134,49 +134,36 @@ def _timed(a, b):
     return seconds, contacts
 
 
-def tried(a, b):
-    """
-    Return how many axes each pair of two lists of `Polygon` takes, and which are decided exactly.
-
-    Axes are tried in plain doubles, the boxes counted as two.
-    """
-    axes, exact = np.empty(len(a), np.int64), np.empty(len(a), np.bool_)
-    _count(*_packed(a), *_packed(b), axes, exact)
-    return axes, exact
-
-
-def _packed(polygons):
-    bodies = [np.asarray(polygon.packed[0]) for polygon in polygons]
-    starts = np.cumsum([0] + [len(body) for body in bodies[:-1]])
-    counts = np.array([polygon.packed[1] for polygon in polygons])
-    return indexable(np.concatenate(bodies)), starts, counts
+def stages(a, b):
+    """Return what decides each row of two `PolygonSet`: BOXES, AXES or EXACT."""
+    array, other, used = a._paired(b)
+    found = np.empty(used, np.int8)
+    _write_stages(array, other, found)
+    return found
 
 
 @kernel
-def _count(a, a_starts, a_counts, b, b_starts, b_counts, axes, exact):
-    for row in range(len(axes)):
-        axes[row], exact[row] = _axes_of_pair(Packed(a, a_starts[row], a_counts[row]),
-                                              Packed(b, b_starts[row], b_counts[row]))
+def _write_stages(array, other, found):
+    rows, others = rows_of(array), rows_of(other)
+    for row in range(len(found)):
+        found[row] = _stage(body_of(rows, row), body_of(others, row))
 
 
 @kernel
-def _axes_of_pair(p, q):
-    """Return how many axes two bodies take, and whether the search was inconclusive."""
-    axes = BOX_AXES
+def _stage(p, q):
     if boxes_apart(p, q):
-        return axes, False
+        return BOXES
+    stage = BOXES if p.n > 0 and q.n > 0 else AXES
     for i in range(max(1, -p.n)):
         a = convex_part(p, i)
         for j in range(max(1, -q.n)):
             b = convex_part(q, j)
-            if p.n < 0 or q.n < 0:
-                axes += BOX_AXES
             if not boxes_apart(a, b):
                 verdict, _, _, queries = find_separating_axis(a, b)
-                axes += queries
+                stage = AXES if queries else stage
                 if verdict != SEPARATE:
-                    return axes, verdict == UNCERTAIN
-    return axes, False
+                    return EXACT if verdict == UNCERTAIN else stage
+    return stage
 
 
 def ages():

@@ -29,7 +29,7 @@ import rationals
 import rivals
 from sat_collision import (
     closest_points, intersects, intersects_pairs, Polygon, PolygonError, PolygonSet, separation)
-from scenes import tried
+from scenes import EXACT, stages
 import shapes
 
 SIDES = 3, 4, 8, 16, 64
@@ -38,10 +38,8 @@ OFFSETS = 0, *(10**k for k in range(9))
 SHOWN_SIDES = 8
 DISTANCES = 10, 100, 1e3, 5e3, 1e4, 2e4, 1e5, 1e6, 5e6
 GROWING = 'traditional', 'traditional_float32', 'gjk', 'improved', 'shapely'
-# The last axis of each step.
-STEPS = {'published_a': {'centre line': 1, 'edge normals at B and C': 5,
-                         'lines to the nearest points': 9},
-         'published_b': {'centre line, four vertices': 1, 'normals of the crossed edges': 3}}
+STEPS = {'published_a': ('centre line', 'edge normals at B and C', 'lines to the nearest points'),
+         'published_b': ('centre line, four vertices', 'normals of the crossed edges')}
 FEW_SIDES = 3, 4, 8, 16
 # Of the long run, and the share of answers proved by the oracle's filter that integers check.
 LONG_SIDES = 3, 4, 5, 6, 8, 16, 32, 64, 256, 1024
@@ -69,7 +67,7 @@ def _answers(pairs, names):
     """Return the answers of some methods, by name."""
     prepared = methods.Pairs(pairs)
     with np.errstate(all='ignore'):
-        return {name: methods.run(name, prepared)[0] for name in names}
+        return {name: methods.run(name, prepared) for name in names}
 
 
 def long_run(pairs, seed):
@@ -127,7 +125,7 @@ def _compare(pairs, checked):
     if any(oracle.intersects(*pairs[i]) != expected[i] for i in checked):
         raise AssertionError('the filtered oracle contradicts the exact one')
     a, b = ([Polygon(pair[k]) for pair in pairs] for k in (0, 1))
-    _, unsure = tried(a, b)
+    unsure = stages(PolygonSet(a), PolygonSet(b)) == EXACT
     answers, seconds = np.empty(len(pairs), np.bool_), {}
     for exact in (False, True):
         rows = np.flatnonzero(unsure == exact)
@@ -151,7 +149,7 @@ def by_offset(rng, count=2000):
         meet, _ = oracle.intersects_pairs(pairs)
         prepared = methods.Pairs(pairs)
         for method in filter(GROWING.__contains__, methods.applicable()):
-            answers, _ = methods.run(method, prepared)
+            answers = methods.run(method, prepared)
             rows.append({'offset': offset, 'method': method, **methods.counts(answers, meet),
                          'widest': float(np.abs(gaps[answers != meet]).max(initial=0.0))})
     return rows
@@ -205,13 +203,10 @@ def by_step(rng, count=4000):
         pairs, meet = methods.sample(rng, n, 'near', count if n < 256 else count // 4)
         prepared = methods.Pairs(pairs)
         for method, steps in STEPS.items():
-            answers, axes = methods.run(method, prepared)
-            found, before = [], 0
-            for step, last in steps.items():
-                here = ~answers & (before < axes) & (axes <= last)
-                found.append({'step': step, 'clears': int((here & ~meet).sum()),
-                              'false_clears': int((here & meet).sum())})
-                before = last
+            numbers = methods.steps(method, prepared)
+            found = [{'step': step, 'clears': int(((numbers == k) & ~meet).sum()),
+                      'false_clears': int(((numbers == k) & meet).sum())}
+                     for k, step in enumerate(steps, 1)]
             rows.append({'n': n, 'method': method, 'apart': int((~meet).sum()),
                          'meet': int(meet.sum()), 'steps': found})
     return rows
@@ -223,7 +218,7 @@ def examples(rng, count=4000):
     prepared = methods.Pairs(pairs)
     found = {}
     for method, wrong in (('published_a', ~meet), ('published_b', meet)):
-        answers, _ = methods.run(method, prepared)
+        answers = methods.run(method, prepared)
         rows = np.flatnonzero((answers != meet) & wrong)
         values = [separation(*pairs[i]) for i in rows]
         a, b = pairs[rows[np.argmax(np.abs(values))]]

@@ -22,13 +22,14 @@ from typing import NamedTuple
 
 from _shared import medians, times
 import families
+import numba
 import numpy as np
 import oracle
 import rivals
 from sat_collision import intersects_pairs, Polygon, PolygonSet
 from sat_collision.geometry.body.layout import Packed, packed_size
 from sat_collision.geometry.body.packing import pack
-from sat_collision.geometry.compiled.jit import COMPILED, elements, indexable, kernel, scratch
+from sat_collision.geometry.compiled.jit import elements, indexable, kernel, scratch
 from sat_collision.geometry.pair.intersection import convex_meet
 import shapely
 
@@ -136,15 +137,9 @@ def steps(name, pairs):
     if prepare is None:
         _stream(method, a, a_ends, b, b_ends, found)
     else:
-        of_a, of_b = (side if COMPILED else side.tolist() for side in pairs.prepared(prepare))
+        of_a, of_b = pairs.prepared(prepare)
         _stream_prepared(method, a, a_ends, of_a, b, b_ends, of_b, found)
     return found
-
-
-def applicable():
-    """Return the methods of this kernel."""
-    return [name for name in METHODS
-            if COMPILED or name not in ('traditional_float32', 'shapely')]
 
 
 def run_once(name, pairs):
@@ -168,20 +163,14 @@ def _pack(bodies, dtype):
     return indexable(np.concatenate(bodies).astype(dtype)), ends
 
 
-if COMPILED:
-    import numba
+@kernel
+def _borrowed(array):
+    """
+    Return an array without its reference count, for the inside of a hot loop.
 
-    @kernel
-    def _borrowed(array):
-        """
-        Return an array without its reference count, for the inside of a hot loop.
-
-        Passing an array on counts references atomically, which costs more than a collision check.
-        """
-        return numba.carray(elements(array), array.shape)
-else:
-    def _borrowed(array):
-        return array
+    Passing an array on counts references atomically, which costs more than a collision check.
+    """
+    return numba.carray(elements(array), array.shape)
 
 
 @kernel
@@ -227,7 +216,7 @@ def measure(seeds, scale=1.0):
             pairs, meet = sample(np.random.default_rng([seed, n]), n, kind, _count(n, scale))
             prepared = Pairs(pairs)
             with np.errstate(all='ignore'):
-                for name in applicable():
+                for name in METHODS:
                     found[name].update(counts(run(name, prepared), meet))
             for name, seconds in times({name: partial(run, name, prepared) for name in found
                                         if name not in UNTIMED}, REPEATS).items():
@@ -246,7 +235,7 @@ def once(rng, scale=1.0):
         pairs = sample(rng, n, 'near', _count(n, scale))[0]
         # Of those whose vertices rounding has not made fewer, so that shapely takes an array.
         prepared = Pairs([pair for pair in pairs if len(pair[0]) == len(pair[1]) == n])
-        tasks = {name: partial(run_once, name, prepared) for name in applicable()
+        tasks = {name: partial(run_once, name, prepared) for name in METHODS
                  if name not in UNTIMED}
         for name, task in tasks.items():
             if (task() != run(name, prepared)).any():

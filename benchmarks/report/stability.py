@@ -57,7 +57,7 @@ def by_family(rng, count=2000):
         pairs = methods.of_family(rng, family, count, SIDES)
         meet, _ = oracle.intersects_pairs(pairs)
         answers = _answers(pairs, ('improved', 'shapely') if name in families.SIMPLE
-                           else methods.applicable())
+                           else methods.METHODS)
         rows += [{'family': name, 'method': method, **methods.counts(answer, meet)}
                  for method, answer in answers.items()]
     return rows
@@ -148,7 +148,7 @@ def by_offset(rng, count=2000):
         pairs, gaps = hair_pairs(rng, offset, count, -16)
         meet, _ = oracle.intersects_pairs(pairs)
         prepared = methods.Pairs(pairs)
-        for method in filter(GROWING.__contains__, methods.applicable()):
+        for method in GROWING:
             answers = methods.run(method, prepared)
             rows.append({'offset': offset, 'method': method, **methods.counts(answers, meet),
                          'widest': float(np.abs(gaps[answers != meet]).max(initial=0.0))})
@@ -245,7 +245,7 @@ def by_condition(rng, count):
         meet, _ = oracle.intersects_pairs(pairs)
         units = np.array([gap_in_units(a, b, met) for (a, b), met in zip(pairs, meet.tolist())])
         bins = np.array([bin_of(value) for value in units])
-        for method, answer in _answers(pairs, methods.applicable()).items():
+        for method, answer in _answers(pairs, methods.METHODS).items():
             wrong = answer != meet
             worst[method] = max(worst[method], float(units[wrong].max(initial=0.0)) / 2)
             for k in np.unique(bins).tolist():

@@ -11,10 +11,7 @@
 
 from fractions import Fraction
 from functools import cache
-import json
-import os
 from pathlib import Path
-import subprocess
 import sys
 
 import families
@@ -27,8 +24,9 @@ from sat_collision import intersects, PolygonSet
 from sat_collision.geometry.compiled.jit import COMPILED, indexable
 
 ROOT = Path(__file__).resolve().parents[2]
-PATHS = [str(ROOT / place) for place in ('.', 'benchmarks', 'benchmarks/report', 'test/support')]
-sys.path += PATHS[1:3]
+sys.path += [str(ROOT / 'benchmarks'), str(ROOT / 'benchmarks' / 'report')]
+if not COMPILED:
+    pytest.skip('the report compares compiled kernels', allow_module_level=True)
 
 import libraries  # noqa: E402, I100
 import methods  # noqa: E402
@@ -55,18 +53,6 @@ def judged(name):
 def answers(method, pairs):
     with np.errstate(all='ignore'):
         return methods.run(method, methods.Pairs(pairs))
-
-
-def all_answers(count, n):
-    """Return the answers of each method on some pairs of each family, and the truth."""
-    found = {}
-    for name in families.CONVEX:
-        pairs = pairs_of(name, count, n)
-        found[name] = {'truth': oracle.intersects_pairs(pairs)[0].tolist(), **{
-            method: answers(method, pairs).tolist()
-            for method in methods.applicable()
-            if methods.METHODS[method].kernel and method != 'traditional_float32'}}
-    return found
 
 
 @pytest.mark.parametrize('count', [50, pytest.param(300, marks=pytest.mark.long)])
@@ -96,21 +82,6 @@ def test_inexact_rivals_are_wrong_on_hard_pairs_and_right_on_near_ones(method, n
     assert (answers(method, near) == truth).all()
 
 
-@pytest.mark.long
-@pytest.mark.skipif(not COMPILED, reason='nothing to compare with')
-def test_plain_python_gives_the_same_answers():
-    """In another process without numba."""
-    program = 'import json, test_methods; print(json.dumps(test_methods.all_answers(25, 9)))'
-    path = os.pathsep.join([*PATHS, str(ROOT / 'test' / 'benchmarks'), *sys.path])
-    result = subprocess.run(
-        [sys.executable, '-c', program], capture_output=True, text=True, check=True,
-        env={**os.environ, 'NUMBA_DISABLE_JIT': '1', 'PYTHONPATH': path})
-    plain = json.loads(result.stdout)
-    assert plain == all_answers(25, 9)
-    for found in plain.values():
-        assert found['filtered'] == found['truth']
-
-
 # The nearest vertex B = (6, 7) of P ends two edges, but not the separating one, from (0, 1) to
 # (5, 4).
 APART = np.array([[0, 1], [5, 4], [6, 7.0]]), np.array([[4, 3], [11, 5], [11, 6.0]])
@@ -136,7 +107,6 @@ def test_traditional_on_points_and_segments():
 
 
 @pytest.mark.long
-@pytest.mark.skipif(not COMPILED, reason='plain Python computes in doubles')
 def test_float32_is_less_exact_than_float64():
     """The traditional method is compiled for either."""
     pairs = pairs_of('float32_round_trip', 1000, 4)

@@ -212,66 +212,74 @@ def measure_cpp(seconds, repeats):
         return rows
 
 
-class Transforms:
-    """
-    Sends /tf: a message for each group of children, `TRANSFORM_RATE` times a second.
+class Sender:
+    """Sends numbered messages to nodes, `rate` a second, and receives the flags of one of them."""
 
-    Receives the flags of one node. Messages have a stand-in for the type TFMessage, see `peers`.
-    """
-
-    def __init__(self, groups=()):
-        self._groups = groups
-        self._node = rclpy.create_node('frames')
+    def __init__(self, rate, **kinds):
+        self.rate = rate
+        self._node = rclpy.create_node('sender')
         self._flags = []
         self._node.create_subscription(Bool, '/footprint_monitor/footprint/collision',
                                        lambda flag: self._flags.append(flag.data), 100)
-        self._publisher = self._node.create_publisher(PolygonStamped, '/tf', 100)
-        self._obstacles = self._node.create_publisher(PolygonStamped, '/obstacles', 10)
+        self.publishers = {topic: self._node.create_publisher(kind, f'/{topic}', 100)
+                           for topic, kind in kinds.items()}
 
     def close(self):
         self._node.destroy_node()
 
     def _until(self, condition):
-        until(condition, lambda: rclpy.spin_once(self._node, timeout_sec=0.01))
+        until(condition, lambda: rclpy.spin_once(self._node, timeout_sec=0.001))
 
-    def connect(self, nodes):
+    def connect(self, nodes=1):
         """Wait until a number of nodes are connected and one has sent a flag."""
         self._until(lambda: self._flags and all(
             publisher.get_subscription_count() == nodes
-            for publisher in (self._publisher, self._obstacles)))
-
-    def _publish(self, children, x=0.0):
-        stamp = time.time_ns()
-        self._publisher.publish(transforms(*(('odom', child, stamp, x, 0.0)
-                                             for child in children)))
+            for publisher in self.publishers.values()))
 
     def send(self, seconds):
         """Send for some seconds; return how many messages."""
         begin = time.monotonic()
-        for k in range(round(seconds * TRANSFORM_RATE)):
-            for i, children in enumerate(self._groups):
-                due = begin + (k + i / len(self._groups)) / TRANSFORM_RATE
-                time.sleep(max(due - time.monotonic(), 0.0))
-                self._publish(children)
-        return round(seconds * TRANSFORM_RATE) * len(self._groups)
+        count = round(seconds * self.rate)
+        for k in range(count):
+            time.sleep(max(begin + k / self.rate - time.monotonic(), 0.0))
+            self.publish(k)
+        return count
 
-    def latencies(self, count):
-        """Return the ms from publishing transforms to the flags that follow."""
-        self._obstacles.publish(serialised(box(-5.0), time.time_ns(), 'odom'))
-
+    def latencies(self, count, pause):
+        """Return the ms from each message, of which those of odd numbers raise the flag, to it."""
         def is_clear():
-            self._publish(['base'], 9.0)
+            self.publish(0)
+            time.sleep(pause)
             return not self._flags[-1]
         self._until(is_clear)
         times = []
-        for k in range(count):
-            raised = k % 2 == 0
-            time.sleep(0.03)
+        for k in range(1, count + 1):
+            time.sleep(pause)
             begin = time.perf_counter()
-            self._publish(['base'], -5.0 if raised else 9.0)
-            self._until(lambda: self._flags[-1] == raised)
+            self.publish(k)
+            self._until(lambda: self._flags[-1] == bool(k % 2))
             times.append(1e3 * (time.perf_counter() - begin))
         return times
+
+
+class Transforms(Sender):
+    """
+    Sends /tf: for each group of children a message, `TRANSFORM_RATE` times a second.
+
+    All are at the first x and at the second in turns. Messages have a stand-in for the type
+    TFMessage, see `peers`.
+    """
+
+    def __init__(self, groups, places=(0.0, 0.0)):
+        super().__init__(TRANSFORM_RATE * len(groups), tf=PolygonStamped,
+                         obstacles=PolygonStamped)
+        self._groups, self._places = groups, places
+
+    def publish(self, number):
+        stamp, x = time.time_ns(), self._places[number % 2]
+        self.publishers['tf'].publish(transforms(*(
+            ('odom', child, stamp, x, 0.0)
+            for child in self._groups[number % len(self._groups)])))
 
 
 def measure_frames(seconds, repeats):
@@ -284,21 +292,23 @@ def measure_frames(seconds, repeats):
                 'core': us * TRANSFORM_RATE * len(groups) / 1e6}
     children = ['base', *(f'frame{k}' for k in range(1, ROBOTS))]
     with running('frames', {**_FRAMES, **_OUTLINE}), \
-            contextlib.closing(Transforms()) as publisher:
-        publisher.connect(1)
-        latencies = publisher.latencies(100 * repeats)
+            contextlib.closing(Transforms([['base']], (9.0, -5.0))) as sender:
+        sender.connect()
+        sender.publishers['obstacles'].publish(serialised(box(-5.0), time.time_ns(), 'odom'))
+        latencies = sender.latencies(100 * repeats, 0.03)
     return {'sizes': [{'transforms': size, **cost(children[:size])} for size in TRANSFORMS],
             'outline': cost(['base'], **_OUTLINE),
             'robots': cost(*([child] for child in children)),
             'latency': _percentiles(latencies, p50_ms=50, p99_ms=99)}
 
 
-class Collections:
-    """Sends sets in one message each, `SET_RATE` times a second, and one footprint."""
+class Collections(Sender):
+    """Sends sets in one message each, `SET_RATE` times a second, to meet a footprint."""
 
     def __init__(self, obstacles):
         # The type only with these messages, which not every environment has.
         from polygon_msgs.msg import Polygon2DCollection
+        super().__init__(SET_RATE, obstacles=Polygon2DCollection, footprint=PolygonStamped)
         rng = np.random.default_rng(1)
         self._sets = []
         for k in range(8):
@@ -306,59 +316,15 @@ class Collections:
             # The footprint meets one in every other set.
             centres[0] = (0.0, 0.0) if k % 2 else (-9.0, 0.0)
             self._sets.append(collection([regular(4, x, y, 0.5) for x, y in centres], 0))
-        self._node = rclpy.create_node('collections')
-        self._flags = []
-        self._node.create_subscription(Bool, '/footprint_monitor/collision',
-                                       lambda flag: self._flags.append(flag.data), 100)
-        self._publisher = self._node.create_publisher(Polygon2DCollection, 'obstacles', 10)
-        self._footprint = self._node.create_publisher(PolygonStamped, 'footprint', 10)
-
-    def close(self):
-        self._node.destroy_node()
-
-    def _until(self, condition):
-        until(condition, lambda: rclpy.spin_once(self._node, timeout_sec=0.001))
-
-    def _publish(self, number):
-        message = self._sets[number % len(self._sets)]
-        self._publisher.publish(message[:4] + struct.pack('<iI', *divmod(time.time_ns(), 10**9))
-                                + message[12:])
 
     def connect(self, nodes=1):
-        """Wait until a number of nodes are connected and one has answered."""
-        self._until(lambda: all(publisher.get_subscription_count() == nodes
-                                for publisher in (self._publisher, self._footprint)))
-        self._footprint.publish(serialised(box(0), time.time_ns(), 'map'))
-        self._await(1)
+        super().connect(nodes)
+        self.publishers['footprint'].publish(serialised(box(0), time.time_ns(), 'map'))
 
-    def _await(self, number):
-        """Publish a set, at the usual rate, until the flag is as it says."""
-        def is_answered():
-            self._publish(number)
-            time.sleep(1 / SET_RATE)
-            return self._flags and self._flags[-1] == bool(number % 2)
-        self._until(is_answered)
-
-    def send(self, seconds):
-        """Send for some seconds; return how many messages."""
-        begin = time.monotonic()
-        count = round(seconds * SET_RATE)
-        for k in range(count):
-            time.sleep(max(begin + k / SET_RATE - time.monotonic(), 0.0))
-            self._publish(k)
-        return count
-
-    def latencies(self, count):
-        """Return the ms from publishing a set to the flag that it changes."""
-        self._await(1)
-        times = []
-        for k in range(count):
-            time.sleep(1 / SET_RATE)
-            begin = time.perf_counter()
-            self._publish(k)
-            self._until(lambda: self._flags[-1] == bool(k % 2))
-            times.append(1e3 * (time.perf_counter() - begin))
-        return times
+    def publish(self, number):
+        message = self._sets[number % len(self._sets)]
+        self.publishers['obstacles'].publish(
+            message[:4] + struct.pack('<iI', *divmod(time.time_ns(), 10**9)) + message[12:])
 
 
 def measure_whole_sets(seconds, repeats):
@@ -377,7 +343,7 @@ def measure_whole_sets(seconds, repeats):
         with running('whole') as pid, contextlib.closing(Collections(obstacles)) as traffic:
             traffic.connect()
             pin(pid, max(os.sched_getaffinity(0)))
-            latencies = traffic.latencies(30 * repeats)
+            latencies = traffic.latencies(30 * repeats, 1 / SET_RATE)
         rows.append({'obstacles': obstacles, 'us': us, 'floor_us': floor, 'ratio': ratio,
                      'idle_us': idle, 'core': us * SET_RATE / 1e6,
                      **_percentiles(latencies, p50_ms=50, p99_ms=99)})

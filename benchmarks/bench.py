@@ -145,9 +145,6 @@ TABLES = {
     'rates': lambda figures: table_of(figures['node']['rates'], {
         'kernel': lambda rate: _KERNELS[rate['kind']], 'sent a second': '{sent_per_second:,.0f}',
         'lost': '{lost:,}', 'share of the core': '{core:.0%}'}),
-    'scene': lambda figures: table_of(figures['scene']['one'], {
-        'obstacles': '{obstacles:,}', 'sat_collision': '{us:.1f}',
-        'STRtree, built before': '{tree_us:.1f}', 'STRtree, built anew': '{tree_build_us:,.0f}'}),
     'maps': lambda figures: table_of(figures['maps'], {
         'obstacles': '{obstacles:,}', 'with an index': '{indexed_us:.1f}',
         'STRtree': '{tree_us:.1f}', 'without an index': '{scan_us:.1f}',
@@ -160,7 +157,7 @@ TABLES = {
            for kind, title in (('one_by_one_us', 'STRtree, polygon by polygon'),
                                ('at_once_us', 'STRtree, all polygons at once'),
                                ('grid_us', 'outline on a grid'))}}),
-    'threads': lambda figures: table_of(figures['scene'].get('threads', []), {
+    'threads': lambda figures: table_of(figures['scene']['threads'], {
         'of two sets of 1,000': '{query}', 'one thread': '{one_us:,.0f}',
         'two threads': '{two_us:,.0f}',
         'times as fast': lambda one: f'{one["one_us"] / one["two_us"]:.2f}'}),

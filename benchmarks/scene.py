@@ -32,7 +32,6 @@ import shapes
 from traffic import regular
 
 VERTICES = (4, 8, 16, 32, 64, 256, 1024)
-SIZES = 10, 100, 1_000, 10_000, 100_000
 MAP_SIZES = 100, 1_000, 10_000, 100_000, 400_000, 1_000_000
 MESSAGE_SIZES = 10, 100, 1_000, 10_000
 MAP = 200.0
@@ -131,9 +130,7 @@ def plot(figures, path):
 def measure(repeats):
     """Return all figures of this part; times are medians of repeats."""
     rng = np.random.default_rng(1)
-    footprints = _outlines(rng, _FOOTPRINTS, 4, 1.0)
     return {
-        'one': [_one_against_many(rng, footprints, size, repeats) for size in SIZES],
         'message': [_message(rng, size, repeats) for size in MESSAGE_SIZES],
         'threads': _threads(rng, repeats),
         'memory': [_memory(rng, vertices) for vertices in (4, 32, 256)]}
@@ -142,23 +139,6 @@ def measure(repeats):
 def _outlines(rng, count, vertices, radius):
     centres = rng.uniform(-MAP / 2, MAP / 2, (count, 2))
     return [regular(vertices, x, y, radius) for x, y in centres]
-
-
-def _one_against_many(rng, footprints, size, repeats):
-    outlines = _outlines(rng, size, 4, 0.5)
-    bodies = PolygonSet(Polygon(outline) for outline in outlines)
-    polygons = shapely.polygons(np.array(outlines))
-    tree = shapely.STRtree(polygons)
-    own = [Polygon(outline) for outline in footprints]
-    theirs = [shapely.Polygon(outline) for outline in footprints]
-    tasks = {'us': lambda: [bodies.intersecting_rows(body) for body in own],
-             'tree_us': lambda: [tree.query(body, predicate='intersects') for body in theirs]}
-    for found, other in zip(*(task() for task in tasks.values())):
-        assert np.array_equal(found, np.sort(other))
-    tasks['build'] = lambda: shapely.STRtree(polygons).query(theirs[0])
-    times = {name: 1e6 * seconds for name, seconds in medians(tasks, repeats).items()}
-    return {'obstacles': size, 'tree_build_us': times['build'],
-            **{name: times[name] / len(own) for name in ('us', 'tree_us')}}
 
 
 def measure_maps(repeats):

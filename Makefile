@@ -120,8 +120,7 @@ faults: $(VENV)/test.stamp
 # The node under load for a long time, written to docs/reliability.md: make soak MINUTES=2
 MINUTES ?= 30
 soak: $(VENV)/bench.stamp
-	$(BIN)/python benchmarks/soak.py --minutes $(MINUTES) --plot docs/soak.png \
-	    --write docs/reliability.md
+	$(BIN)/python benchmarks/soak.py --minutes $(MINUTES)
 
 # Random bytes, polygons and parameters, and damaged files, recordings and stored results among
 # them: make fuzz INPUTS=1e5 FILES=1e4

@@ -11,21 +11,19 @@
 The polygons that take longest: to take from a message, to decide and to measure.
 
 Compiled kernels and plain Python are each timed in a process of their own, with as many vertices
-as the node accepts there. Each figure is the processor time for the worst pair of shapes and
-places, the least of several runs. Contacts that begin one by one are timed, too, because each
-might cost more the more there are.
+as the node accepts there, and the tables of docs/reliability.md replaced. Each figure is the
+processor time for the worst pair of shapes and places, the least of several runs. Contacts that
+begin one by one are timed, too, because each might cost more the more there are.
 """
 
-import argparse
 import itertools
 import json
 import os
-from pathlib import Path
 import subprocess
 import sys
 import time
 
-from _shared import table
+from _shared import ROOT, table
 from builders import serialised
 import numpy as np
 from page_parts import replace_part
@@ -43,6 +41,8 @@ _PLACES = ((2.1, 0.0, 0.0), (0.9, 0.4, 0.0), (0.3, 0.2, 0.5), (0.01, 0.003, 0.0)
            (0.0, 0.0, np.pi), (0.02, 0.01, 1.6))
 _TURNS = 0.0, 0.7, 2.0
 _CONTACTS = 1_000, 10_000
+# An argument: print the figures of this process only.
+_THIS_KERNEL = '--this-kernel'
 
 
 def shapes(count, rng):
@@ -82,7 +82,7 @@ def _placed(outline, x, y, turn):
     return outline @ np.array([[cosine, sine], [-sine, cosine]]) + [x, y]
 
 
-def _best(repeats, function, *arguments):
+def _best(function, *arguments, repeats=5):
     """Return the least processor time in ms of several calls."""
     times = []
     for _ in range(repeats):
@@ -92,7 +92,7 @@ def _best(repeats, function, *arguments):
     return 1e3 * min(times)
 
 
-def measure(repeats):
+def measure():
     """Return for each shape its times in this process's kernel, and its worst counterpart."""
     packer = Packer(MAX_VERTICES)
     outlines = shapes(max_non_convex(MAX_VERTICES), np.random.default_rng(1))
@@ -100,14 +100,14 @@ def measure(repeats):
     for name, outline in outlines.items():
         messages = [decode(serialised(_placed(outline, 0.0, 0.0, turn), 0), False)[2]
                     for turn in _TURNS]
-        taking = max(_best(repeats, packer.pack, points) for points in messages)
+        taking = max(_best(packer.pack, points) for points in messages)
         deciding, measuring = (0.0, ''), (0.0, '')
         for other, its in outlines.items():
             for place, turn in itertools.product(_PLACES, _TURNS):
                 body = Polygon(_placed(outline, 0.0, 0.0, turn))
                 that = Polygon(_placed(_placed(its, *place), 0.0, 0.0, turn))
-                deciding = max(deciding, (_best(repeats, intersects, body, that), other))
-                measuring = max(measuring, (_best(repeats, separation, body, that), other))
+                deciding = max(deciding, (_best(intersects, body, that), other))
+                measuring = max(measuring, (_best(separation, body, that), other))
         found[name] = [taking, deciding[0], *measuring]
     return found
 
@@ -126,27 +126,16 @@ def contacts(count):
         for message in messages:
             monitor.receive('obstacles', message, now)
             monitor.scene.take_changes()
-    time_taken = _best(1, meet_all)
+    time_taken = _best(meet_all, repeats=1)
     assert len(monitor.scene.state('footprint').contacts) == count
     return time_taken
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
-    parser.add_argument('--repeats', type=int, default=5)
-    parser.add_argument('--json', action='store_true', help='print figures of this process only')
-    parser.add_argument('--write', metavar='FILE', type=Path,
-                        help='a page whose tables are to be replaced')
-    arguments = parser.parse_args()
-    if arguments.json:
-        contacts(10)
-        print(json.dumps([measure(arguments.repeats),
-                          [contacts(count) for count in _CONTACTS]]))
-        return
     parts, times = {}, []
     for kernel, disabled in KERNELS.items():
         found, taken = json.loads(subprocess.check_output(
-            [sys.executable, __file__, '--json', '--repeats', str(arguments.repeats)],
+            [sys.executable, __file__, _THIS_KERNEL],
             env={**os.environ, 'NUMBA_DISABLE_JIT': disabled}))
         parts[f'hard shapes {kernel}'] = table(
             ['shape', 'to take [ms]', 'to decide [ms]', 'to measure [ms]', 'against'],
@@ -157,9 +146,12 @@ def main():
         ['', *(f'{count:,} contacts' for count in _CONTACTS)], times)
     for name, part in parts.items():
         print(f'{name}\n\n{part}\n')
-        if arguments.write:
-            replace_part(arguments.write, name, part)
+        replace_part(ROOT / 'docs' / 'reliability.md', name, part)
 
 
 if __name__ == '__main__':
-    main()
+    if _THIS_KERNEL in sys.argv:
+        contacts(10)
+        print(json.dumps([measure(), [contacts(count) for count in _CONTACTS]]))
+    else:
+        main()

@@ -20,7 +20,6 @@ import os
 from pathlib import Path
 import shutil
 import statistics
-import struct
 import subprocess
 import sys
 import tempfile
@@ -35,7 +34,7 @@ from matplotlib.ticker import LogLocator
 import numpy as np
 import rclpy
 from std_msgs.msg import Bool
-from traffic import Reader, regular, SET_RATE, Traffic, until
+from traffic import head, Reader, regular, SET_RATE, STAMPED, Traffic, until
 
 _PEERS = str(ROOT / 'benchmarks' / 'peers.py')
 _MONITOR = ['-m', 'sat_collision.node', '--ros-args', '-p', 'obstacle.set_end:=empty_polygon']
@@ -315,16 +314,16 @@ class Collections(Sender):
             centres = rng.uniform(5.0, 200.0, (obstacles, 2))
             # The footprint meets one in every other set.
             centres[0] = (0.0, 0.0) if k % 2 else (-9.0, 0.0)
-            self._sets.append(collection([regular(4, x, y, 0.5) for x, y in centres], 0))
+            self._sets.append(
+                collection([regular(4, x, y, 0.5) for x, y in centres], 0)[STAMPED:])
 
     def connect(self, nodes=1):
         super().connect(nodes)
         self.publishers['footprint'].publish(serialised(box(0), time.time_ns(), 'map'))
 
     def publish(self, number):
-        message = self._sets[number % len(self._sets)]
         self.publishers['obstacles'].publish(
-            message[:4] + struct.pack('<iI', *divmod(time.time_ns(), 10**9)) + message[12:])
+            head(time.time_ns()) + self._sets[number % len(self._sets)])
 
 
 def measure_whole_sets(seconds, repeats):

@@ -8,7 +8,7 @@
 # language governing permissions and limitations under the License.
 
 """
-The node under load for a long time: 4,000 obstacles a second, and contacts at known times.
+The node under load for a long time, `make soak`: contacts at known times among 4,000 obstacles/s.
 
 The obstacles come in all forms: sets with marks, without, with new stamps, with ids, and a map. A
 robot is in turns on an obstacle and far from all, for 0.6 s each. Every contact must be reported
@@ -30,7 +30,7 @@ import sys
 import time
 from typing import NamedTuple
 
-from _shared import table
+from _shared import ROOT, table
 from builders import serialised
 from geometry_msgs.msg import PolygonInstanceStamped
 from matplotlib import pyplot
@@ -40,6 +40,8 @@ from page_parts import replace_part
 from traffic import FOOTPRINT_RATE, Form, Reader, regular, ROBOT, SET_RATE, tail, Traffic
 
 _WHEN = operator.itemgetter(0)
+# Of a set, at 10 Hz.
+_OBSTACLES = 400
 _SLICE = 10.0
 _SETTLING = 3.0
 _STAY = 30
@@ -173,7 +175,7 @@ def judge(changes, received):
     return Verdict(*counts[True], *counts[False])
 
 
-def soak(minutes, obstacles):
+def soak(minutes):
     """
     Run sets of obstacles at 10 Hz, and a robot that comes and goes, against a node's process.
 
@@ -183,7 +185,7 @@ def soak(minutes, obstacles):
     """
     readings = []
     with running('monitor', _PARAMETERS) as pid, contextlib.closing(Reader(_FORMS)) as reader, \
-            contextlib.closing(Traffic(obstacles, 4, True, _FORMS)) as traffic:
+            contextlib.closing(Traffic(_OBSTACLES, 4, True, _FORMS)) as traffic:
         drive = Drive(traffic.node)
         traffic.footprint_at = drive.footprint_at
         traffic.connect()
@@ -247,19 +249,12 @@ def plot(readings, path):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
     parser.add_argument('--minutes', type=float, default=30.0)
-    parser.add_argument('--obstacles', type=int, default=400, help='of a set, at 10 Hz')
-    parser.add_argument('--plot', metavar='FILE', help='a picture of it')
-    parser.add_argument('--write', metavar='FILE', type=Path,
-                        help='a page whose figures are to be replaced')
-    arguments = parser.parse_args()
     with ros():
-        readings, verdict, times, sent, lost = soak(arguments.minutes, arguments.obstacles)
+        readings, verdict, times, sent, lost = soak(parser.parse_args().minutes)
     text = summary(readings, verdict, times, sent, lost)
     print(text)
-    if arguments.plot:
-        plot(readings, arguments.plot)
-    if arguments.write:
-        replace_part(arguments.write, 'soak', text)
+    plot(readings, ROOT / 'docs' / 'soak.png')
+    replace_part(ROOT / 'docs' / 'reliability.md', 'soak', text)
     return (verdict.missed + verdict.wrong_clears + times.late + times.while_unknown > 0
             or not times.given)
 

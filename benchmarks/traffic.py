@@ -15,6 +15,8 @@ import struct
 import time
 from typing import NamedTuple
 
+import _shared  # noqa: F401
+from builders import collection, serialised
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
 import numpy as np
@@ -25,7 +27,7 @@ from std_msgs.msg import Bool, Float64
 
 _FRAME = 'map'
 # Bytes up to the end of the stamp.
-_STAMPED = 12
+STAMPED = 12
 _VARIANTS = 8
 _PAUSE = 50e-6
 _AFTERMATH = 0.2
@@ -51,19 +53,14 @@ class Form(NamedTuple):
 _MARKED = Form('obstacle', 'obstacles')
 
 
-def _head(stamp):
-    """Return the beginning of a PolygonStamped, with the stamp, in ns."""
+def head(stamp):
+    """Return the beginning of a message, with the stamp, in ns."""
     return struct.pack('<4sII', b'\0\1\0\0', *divmod(stamp, 10**9))
 
 
 def tail(points, instance=None):
     """Return the rest of a PolygonStamped after the stamp, or of one with an id."""
-    spatial = np.pad(points, ((0, 0), (0, 1))).astype(np.float32)
-    body = struct.pack('<I4sI', 4, _FRAME.encode() + b'\0', len(points)) + spatial.tobytes()
-    if instance is None:
-        return body
-    # Alignment counts from the stamp, which has 8 bytes.
-    return body + bytes(-len(body) % 8) + struct.pack('<q', instance)
+    return serialised(points, 0, _FRAME, instance)[STAMPED:]
 
 
 def regular(count, x, y, radius):
@@ -111,8 +108,7 @@ class Traffic:
                     moved[0] = 0.0 if form is forms[met] else (-500.0, 0.0)
                     outlines = [regular(vertices, x, y, 0.5) for x, y in moved]
                     if form.is_whole:
-                        from builders import collection
-                        messages.append((form, collection(outlines, 0, _FRAME)[_STAMPED:]))
+                        messages.append((form, collection(outlines, 0, _FRAME)[STAMPED:]))
                         continue
                     outlines += [np.empty((0, 2))] * form.has_marks
                     messages += [(form, tail(outline, k if form.has_ids else None))
@@ -153,9 +149,9 @@ class Traffic:
         def is_answered():
             stamp = time.time_ns()
             for form, obstacle in self._sets[0][self._met]:
-                self._obstacles[form].publish(_head(stamp) + obstacle)
+                self._obstacles[form].publish(head(stamp) + obstacle)
             body, hit, _ = self.footprint_at(stamp)
-            self._footprint.publish(_head(stamp) + body)
+            self._footprint.publish(head(stamp) + body)
             time.sleep(0.2)
             flags = [flag for _, flag in _published(self._flags, Bool)]
             return hit in flags and all(publisher.get_subscription_count() >= nodes
@@ -190,15 +186,15 @@ class Traffic:
                     sent = time.monotonic()
                     unanswered.append((sent - begun, hit))
                     self.changes.append((sent, hit))
-                self._footprint.publish(_head(stamp) + body)
+                self._footprint.publish(head(stamp) + body)
                 footprints += 1
             elif now < seconds and obstacles - burst * (
                     obstacles % self._per_set) <= now * rate * self._per_set:
                 number, k = divmod(obstacles, self._per_set)
                 if k == 0:
-                    head = _head(time.time_ns())
+                    beginning = head(time.time_ns())
                 form, obstacle = self._sets[number % _VARIANTS][self._met][k]
-                self._obstacles[form].publish(head + obstacle)
+                self._obstacles[form].publish(beginning + obstacle)
                 obstacles += 1
                 counted += form.is_counted
             else:

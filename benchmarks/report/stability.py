@@ -182,16 +182,12 @@ def hair_pairs(rng, offset, count, least):
     They are moved by the offset, rounded there. Moved back, which is exact far from the origin,
     they are measured with an error that does not grow with the offset.
     """
-    gaps = rng.choice([-1, 1], count) * 10.0 ** rng.uniform(least, 0, count)
+    gaps = families._hairs(rng, count, least, 0)
     moves = offset * shapes.directions(rng, count)
     pairs = []
     for part in methods.chunks(count, SHOWN_SIDES):
         gap, move = (of[len(pairs):len(pairs) + part] for of in (gaps, moves))
-        a, b = (shapes.polygons(rng, part, SHOWN_SIDES) for _ in range(2))
-        heading = shapes.directions(rng, part)
-        reach, cosine = shapes.reach(a, b, heading)
-        b += ((reach + gap / np.maximum(cosine, 0.1))[:, None] * heading)[:, None]
-        pairs += zip(*(shapes.convex(body + move[:, None]) for body in (a, b)))
+        pairs += families._moved(families._placed_arrays(rng, part, SHOWN_SIDES, gap), move)
     back = [a[0] if offset > 1 else 0.0 for a, _ in pairs]
     return pairs, np.array([separation(a - to, b - to) for (a, b), to in zip(pairs, back)])
 

@@ -10,7 +10,7 @@
 """
 Measure all and write docs/benchmarks: `make bench`.
 
-With --written only the tables and plots are made, from the figures stored there.
+With --written only the tables are made, from the figures stored there.
 """
 
 import argparse
@@ -29,7 +29,6 @@ import scene
 PACKAGES = 'numpy', 'numba', 'shapely', 'rclpy'
 PARTS = ('kernel', 'scene', 'maps', 'plans', 'node', 'cpp', 'whole_sets', 'frames', 'startup',
          'replay', 'collections', 'damaged')
-PLOTS = {'kernel': scene.plot, 'node': node.plot}
 _US = {name: f'{name}_us' for name in ('reading', 'decoding', 'live', 'motion')}
 _KERNELS = {'monitor': 'numba', 'plain': 'plain Python'}
 
@@ -42,15 +41,13 @@ def main():
     parser.add_argument('--only', choices=PARTS, action='append',
                         help='measure these parts; others stay as stored')
     parser.add_argument('--written', action='store_true',
-                        help='only write tables and plots from the figures stored before')
+                        help='only write tables from the figures stored before')
     arguments = parser.parse_args()
     stored = arguments.directory / 'figures.json'
     figures = json.loads(stored.read_text())
     if not arguments.written:
         figures |= measure(arguments.quick, arguments.only or PARTS)
         stored.write_text(json.dumps(figures, indent=1) + '\n')
-    for part, plot in PLOTS.items():
-        plot(figures[part], arguments.directory / f'{part}.png')
     page = arguments.directory / 'README.md'
     page.write_text(with_tables(page.read_text(), TABLES, figures))
 

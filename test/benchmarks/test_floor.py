@@ -18,7 +18,6 @@ import pytest
 sys.path.append(str(ROOT / 'benchmarks'))
 
 rclpy = pytest.importorskip('rclpy')
-pytest.importorskip('matplotlib')
 
 import node  # noqa: E402, I100
 from traffic import Reader, Traffic  # noqa: E402, I100

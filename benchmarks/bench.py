@@ -10,12 +10,11 @@
 """
 Measure all and write docs/benchmarks: `make bench`.
 
-With --written only the tables are made, from the figures stored there.
+With --only but no parts the tables are made from the figures stored there.
 """
 
 import argparse
 import json
-from pathlib import Path
 import sys
 import time
 
@@ -27,59 +26,40 @@ import replay
 import scene
 
 PACKAGES = 'numpy', 'numba', 'shapely', 'rclpy'
-PARTS = ('kernel', 'scene', 'maps', 'plans', 'node', 'cpp', 'whole_sets', 'frames', 'startup',
-         'replay', 'collections', 'damaged')
 _US = {name: f'{name}_us' for name in ('reading', 'decoding', 'live', 'motion')}
 _KERNELS = {'monitor': 'numba', 'plain': 'plain Python'}
 
 
+MEASURES = {
+    'kernel': scene.measure_pairs, 'scene': scene.measure, 'maps': scene.measure_maps,
+    'plans': plans.measure, 'node': node.measure, 'cpp': node.measure_cpp,
+    'whole_sets': node.measure_whole_sets, 'frames': node.measure_frames,
+    'other_frame': scene.measure_other_frame, 'startup': node.measure_startup,
+    'replay': replay.measure, 'collections': replay.measure_collections,
+    'damaged': replay.measure_damaged}
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
-    parser.add_argument('--directory', type=Path, default=ROOT / 'docs' / 'benchmarks',
-                        help='with the page, in which the tables are replaced')
-    parser.add_argument('--quick', action='store_true', help='fewer pairs and repeats')
-    parser.add_argument('--only', choices=PARTS, action='append',
-                        help='measure these parts; others stay as stored')
-    parser.add_argument('--written', action='store_true',
-                        help='only write tables from the figures stored before')
-    arguments = parser.parse_args()
-    stored = arguments.directory / 'figures.json'
+    parser.add_argument('--only', choices=MEASURES, nargs='*',
+                        help='measure these parts, or none; others stay as stored')
+    parts = parser.parse_args().only
+    page = ROOT / 'docs' / 'benchmarks' / 'README.md'
+    stored = page.with_name('figures.json')
     figures = json.loads(stored.read_text())
-    if not arguments.written:
-        figures |= measure(arguments.quick, arguments.only or PARTS)
-        stored.write_text(json.dumps(figures, indent=1) + '\n')
-    page = arguments.directory / 'README.md'
-    page.write_text(with_tables(page.read_text(), TABLES, figures))
-
-
-def measure(quick, parts):
-    """Return the figures of some parts."""
+    if parts is None:
+        # Parts measured later leave the line of the machine as it is.
+        figures['machine'] = describe(*PACKAGES)
     start = time.perf_counter()
-    seconds, repeats = (1.0, 1) if quick else (3.0, 3)
-    measures = {
-        'kernel': lambda: scene.measure_pairs(*((2_000, 3) if quick else (20_000, 7))),
-        'scene': lambda: scene.measure(5 if quick else 25),
-        'maps': lambda: scene.measure_maps(3 if quick else 15),
-        'plans': lambda: plans.measure(3 if quick else 25),
-        'node': lambda: node.measure(seconds, repeats),
-        'cpp': lambda: node.measure_cpp(seconds, repeats),
-        'whole_sets': lambda: node.measure_whole_sets(seconds, repeats),
-        'frames': lambda: {**node.measure_frames(seconds, repeats),
-                           'other_frame': scene.measure_other_frame(5 * repeats)},
-        'startup': lambda: node.measure_startup(repeats),
-        'replay': lambda: replay.measure(*((20_000, 1) if quick else (200_000, 3))),
-        'collections': lambda: replay.measure_collections(*((300, 1) if quick else (3000, 5))),
-        'damaged': lambda: replay.measure_damaged(5 if quick else 100)}
-    # Parts measured later leave the line of the machine as it is.
-    figures = {'machine': describe(*PACKAGES)} if parts == PARTS else {}
     with node.ros():
-        for name in parts:
+        for name in MEASURES if parts is None else parts:
             print(f'{time.perf_counter() - start:6.0f} s  {name}', file=sys.stderr)
             # None of what this machine cannot measure, which stays as stored.
-            if (found := measures[name]()) is not None:
+            if (found := MEASURES[name]()) is not None:
                 figures[name] = found
     print(f'{time.perf_counter() - start:6.0f} s', file=sys.stderr)
-    return figures
+    stored.write_text(json.dumps(figures, indent=1) + '\n')
+    page.write_text(with_tables(page.read_text(), TABLES, figures))
 
 
 def _latencies(figures):
@@ -125,7 +105,7 @@ TABLES = {
         'make a polygon': lambda row: f'{1e3 * row["setup"]:,.0f}',
         'different answers': '{wrong}'}),
     'frames': lambda figures: table_of([
-        {**figures['frames']['other_frame'], **figures['frames']['latency']}], {
+        {**figures['other_frame'], **figures['frames']['latency']}], {
         'message in the fixed frame': '{fixed_us:.1f} µs',
         'in another frame': lambda one: f'{one["fixed_us"] + one["more_us"]:.1f} µs',
         'transform to flag': '{p50_ms:.1f} ms, 99 of 100 below {p99_ms:.1f} ms'}),

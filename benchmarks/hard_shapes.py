@@ -30,8 +30,7 @@ from page_parts import replace_part
 from sat_collision import intersects, Polygon, separation
 from sat_collision.geometry.body.polygon import max_non_convex, Packer
 from sat_collision.messages.cdr import decode
-from sat_collision.monitor import Monitor
-from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
+from scene import monitor_of
 from traffic import regular
 
 MAX_VERTICES = 1024
@@ -114,10 +113,7 @@ def measure():
 
 def contacts(count):
     """Return the ms until a footprint has met a number of obstacles, one message each."""
-    monitor = Monitor(Settings(
-        (FootprintSettings('footprint', '/footprint', timeout=0.0),),
-        (ObstacleSettings('obstacles', '/obstacles', set_end='empty_polygon', timeout=0.0,
-                          max_count=count, assume_no_loss=True),)))
+    monitor = monitor_of(count)
     now = 10**18
     monitor.receive('footprint', serialised(regular(4, 0.0, 0.0, 2.0 * count), now), now)
     messages = [serialised(regular(4, float(k), 0.0, 0.4), now) for k in range(count)]

@@ -45,6 +45,9 @@ NODES = {'monitor': _MONITOR, 'whole_floor': [_PEERS, 'whole_floor'],
 TITLES = {'monitor': 'sat_collision', 'floor': 'empty rclpy node',
           'rival': 'shapely in a callback'}
 _ENVIRONMENTS = {'plain': {'NUMBA_DISABLE_JIT': '1'}}
+# Of a run; each figure is of some runs.
+SECONDS = 3.0
+REPEATS = 3
 OBSTACLES = 10, 100, 1000
 WHOLE_OBSTACLES = 10, 100, 1000, 10_000
 VERTICES = 4, 32
@@ -96,7 +99,7 @@ def cpu_time(pid):
                for path in Path(f'/proc/{pid}/task').glob('*/schedstat')) / 1e9
 
 
-def load(kind, obstacles, vertices, seconds, burst=False, rate=SET_RATE):
+def load(kind, obstacles, vertices, burst=False, rate=SET_RATE):
     """Run traffic against a node on one core; return its cost a message, latencies and losses."""
     core = max(os.sched_getaffinity(0))
     with running(kind) as pid, contextlib.closing(Reader()) as reader, \
@@ -106,11 +109,11 @@ def load(kind, obstacles, vertices, seconds, burst=False, rate=SET_RATE):
         traffic.run(0.5, burst, rate)
         count = reader.steady()
         used = cpu_time(pid)
-        footprints, sent, latencies = traffic.run(seconds, burst, rate)
+        footprints, sent, latencies = traffic.run(SECONDS, burst, rate)
         used = cpu_time(pid) - used
         taken = reader.steady() - count
-    return {'cpu_us': 1e6 * used / (taken + len(latencies)), 'core': used / seconds,
-            'sent_per_second': sent / seconds, 'lost': sent - taken,
+    return {'cpu_us': 1e6 * used / (taken + len(latencies)), 'core': used / SECONDS,
+            'sent_per_second': sent / SECONDS, 'lost': sent - taken,
             'unanswered': footprints - len(latencies),
             **_percentiles(1e3 * np.array(latencies), p50_ms=50, p99_ms=99, max_ms=100)}
 
@@ -119,7 +122,7 @@ def _percentiles(values, **shares):
     return {name: float(np.percentile(values, share)) for name, share in shares.items()}
 
 
-def together(nodes, make, seconds, repeats):
+def together(nodes, make, repeats=REPEATS):
     """
     Return processor time in us a message of nodes that share a core, and first to last as a ratio.
 
@@ -139,7 +142,7 @@ def together(nodes, make, seconds, repeats):
                 pin(pid, core)
             traffic.send(0.5)
             before = [cpu_time(pid) for pid in pids]
-            count = traffic.send(seconds)
+            count = traffic.send(SECONDS)
             costs.append([1e6 * (cpu_time(pid) - used) / count
                           for pid, used in zip(pids, before)])
     return *map(statistics.median, zip(*costs)), statistics.median(
@@ -152,29 +155,28 @@ def pin(pid, core):
         os.sched_setaffinity(int(thread), {core})
 
 
-def _by_turns(kinds, repeats, *arguments, **options):
+def _by_turns(kinds, *arguments, **options):
     """Return medians of runs in turns; the greatest latency and losses are of all runs."""
-    runs = [{kind: load(kind, *arguments, **options) for kind in kinds} for _ in range(repeats)]
+    runs = [{kind: load(kind, *arguments, **options) for kind in kinds} for _ in range(REPEATS)]
     combine = {'lost': sum, 'unanswered': sum, 'max_ms': max}
     return {kind: {name: combine.get(name, statistics.median)([run[kind][name] for run in runs])
                    for name in runs[0][kind]} for kind in kinds}
 
 
-def measure(seconds, repeats):
+def measure():
     """Return the cost of each node under each load, bursts, and the rate that one core handles."""
     def beside_the_floor(*load):
-        return together([('monitor',), ('floor',)], lambda: Traffic(*load), seconds,
-                        3 * repeats)[-1]
+        return together([('monitor',), ('floor',)], lambda: Traffic(*load), 3 * REPEATS)[-1]
     return {
         'loads': [{'obstacles': obstacles, 'vertices': vertices,
                    'together': {'times_floor': beside_the_floor(obstacles, vertices)},
-                   **_by_turns(TITLES, repeats, obstacles, vertices, seconds)}
+                   **_by_turns(TITLES, obstacles, vertices)}
                   for vertices in VERTICES for obstacles in OBSTACLES],
         'bursts': [{'obstacles': obstacles,
-                    **_by_turns(('monitor', 'floor'), repeats, obstacles, 4, seconds, burst=True)}
+                    **_by_turns(('monitor', 'floor'), obstacles, 4, burst=True)}
                    for obstacles in OBSTACLES[1:]],
         'rates': [{'kind': kind, 'asked_per_second': rate,
-                   **load(kind, 1000, 4, seconds, rate=rate / 1000)}
+                   **load(kind, 1000, 4, rate=rate / 1000)}
                   for kind, rates in (('monitor', RATES), ('plain', PLAIN_RATES))
                   for rate in rates]}
 
@@ -194,7 +196,7 @@ def build_floor(folder):
     return str(Path(folder) / 'floor')
 
 
-def measure_cpp(seconds, repeats):
+def measure_cpp():
     """Return the cost of the monitor beside the floor in rclpy and in C++, None without rclcpp."""
     with tempfile.TemporaryDirectory() as folder:
         if not (program := build_floor(folder)):
@@ -202,8 +204,7 @@ def measure_cpp(seconds, repeats):
         rows = []
         for obstacles in OBSTACLES:
             us, floor, cpp, ratio = together([('monitor',), ('floor',), (program,)],
-                                             lambda: Traffic(obstacles, VERTICES[0]), seconds,
-                                             3 * repeats)
+                                             lambda: Traffic(obstacles, VERTICES[0]), 3 * REPEATS)
             rows.append({'obstacles': obstacles, 'us': us, 'floor_us': floor, 'cpp_us': cpp,
                          'ratio': ratio})
         return rows
@@ -279,12 +280,12 @@ class Transforms(Sender):
             for child in self._groups[number % len(self._groups)])))
 
 
-def measure_frames(seconds, repeats):
+def measure_frames():
     """Return the cost of transforms, and the ms until a flag follows one."""
     def cost(*groups, **parameters):
         us, floor, ratio = together(
             [('frames', {**_FRAMES, **parameters}), ('frames_floor', _FRAMES)],
-            lambda: Transforms(groups), seconds, repeats)
+            lambda: Transforms(groups))
         return {'monitor_us': us, 'floor_us': floor, 'ratio': ratio,
                 'core': us * TRANSFORM_RATE * len(groups) / 1e6}
     children = ['base', *(f'frame{k}' for k in range(1, ROBOTS))]
@@ -292,7 +293,7 @@ def measure_frames(seconds, repeats):
             contextlib.closing(Transforms([['base']], (9.0, -5.0))) as sender:
         sender.connect()
         sender.publishers['obstacles'].publish(serialised(box(-5.0), time.time_ns(), 'odom'))
-        latencies = sender.latencies(100 * repeats, 0.03)
+        latencies = sender.latencies(100 * REPEATS, 0.03)
     return {'sizes': [{'transforms': size, **cost(children[:size])} for size in TRANSFORMS],
             'outline': cost(['base'], **_OUTLINE),
             'robots': cost(*([child] for child in children)),
@@ -324,7 +325,7 @@ class Collections(Sender):
             head(time.time_ns()) + self._sets[number % len(self._sets)])
 
 
-def measure_whole_sets(seconds, repeats):
+def measure_whole_sets():
     """Return the cost and latency of sets in one message, beside the empty node."""
     rows = []
     with running('whole', {'obstacle.timeout': '0.0'}) as pid, (
@@ -332,16 +333,15 @@ def measure_whole_sets(seconds, repeats):
         traffic.connect()
         pin(pid, max(os.sched_getaffinity(0)))
         used = cpu_time(pid)
-        time.sleep(seconds)
-        idle = 1e6 * (cpu_time(pid) - used) / (seconds * SET_RATE)
+        time.sleep(SECONDS)
+        idle = 1e6 * (cpu_time(pid) - used) / (SECONDS * SET_RATE)
     for obstacles in WHOLE_OBSTACLES:
-        us, floor, ratio = together([('whole',), ('whole_floor',)],
-                                    lambda: Collections(obstacles), seconds, repeats)
+        us, floor, _ = together([('whole',), ('whole_floor',)], lambda: Collections(obstacles))
         with running('whole') as pid, contextlib.closing(Collections(obstacles)) as traffic:
             traffic.connect()
             pin(pid, max(os.sched_getaffinity(0)))
-            latencies = traffic.latencies(30 * repeats, 1 / SET_RATE)
-        rows.append({'obstacles': obstacles, 'us': us, 'floor_us': floor, 'ratio': ratio,
+            latencies = traffic.latencies(30 * REPEATS, 1 / SET_RATE)
+        rows.append({'obstacles': obstacles, 'us': us, 'floor_us': floor,
                      'idle_us': idle, 'core': us * SET_RATE / 1e6,
                      **_percentiles(latencies, p50_ms=50, p99_ms=99)})
     return rows
@@ -360,13 +360,13 @@ def _first_flag(kind, **environment):
     return seconds
 
 
-def measure_startup(repeats):
+def measure_startup():
     """Return seconds to the first flag: kernels to compile, kernels cached, and of the floor."""
     with tempfile.TemporaryDirectory() as cache:
         cold = _first_flag('monitor', NUMBA_CACHE_DIR=cache)
         subprocess.run([sys.executable, '-m', 'sat_collision.replay.kernels'], check=True,
                        stdout=subprocess.DEVNULL, env={**os.environ, 'NUMBA_CACHE_DIR': cache})
         runs = [(_first_flag('monitor', NUMBA_CACHE_DIR=cache), _first_flag('floor'))
-                for _ in range(repeats)]
+                for _ in range(REPEATS)]
     warm, floor = map(statistics.median, zip(*runs))
     return {'cold_s': cold, 'warm_s': warm, 'floor_s': floor}

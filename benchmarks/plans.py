@@ -29,13 +29,13 @@ _RADIUS = 0.5
 _AREA = 4.0
 
 
-def measure(repeats):
+def measure():
     """Return for each number of obstacles the median µs of each way to check the plan."""
     rng = np.random.default_rng(1)
-    return [_measure(rng, size, repeats) for size in SIZES]
+    return [_measure(rng, size) for size in SIZES]
 
 
-def _measure(rng, size, repeats):
+def _measure(rng, size):
     side = (_AREA * size) ** 0.5
     poses = _plan(side)
     centres = rng.uniform(0.0, side, (size, 2))
@@ -56,7 +56,7 @@ def _measure(rng, size, repeats):
              'grid_us': partial(_on_grid, _grid(centres, side), poses)}
     assert not any(task() for task in tasks.values())
     return {'obstacles': size, **{name: 1e6 * seconds
-                                  for name, seconds in medians(tasks, repeats).items()}}
+                                  for name, seconds in medians(tasks, 25).items()}}
 
 
 def _plan(side):

@@ -47,7 +47,7 @@ _CHUNK = 20_000
 _PERIOD = 2
 
 
-def measure(messages, runs):
+def measure(messages=200_000):
     """Return the µs a message of reading with rosbags and mcap, of decoding, and of checking."""
     tasks = {'reading_us': _read_all, 'decoding_us': partial(_read_all, decode=True),
              'live_us': partial(check, options=Options(_PARAMETERS, as_live=True)),
@@ -57,17 +57,17 @@ def measure(messages, runs):
         drive = [*_drive(_outlines(size, 40, 8), messages // (size + 1))]
         its = {**tasks, 'mcap_us': _read_with_mcap} if storage == 'mcap' else tasks
         rows.append({'storage': storage.upper(), 'obstacles': size,
-                     **_timed(its, len(drive), runs, drive, storage)})
+                     **_timed(its, len(drive), 3, drive, storage)})
     return rows
 
 
-def measure_collections(frames, runs):
+def measure_collections(frames=3000):
     """Return the µs of reading and checking a footprint and 1,000 obstacles in one message."""
     outlines = _outlines(1000, 400, 1)
     tasks = {'mcap_us': _read_with_mcap, 'motion_us': check,
              'live_us': partial(check, options=Options(as_live=True))}
     return {'obstacles': len(outlines), **_timed(
-        tasks, frames, runs, _drive(outlines, frames, in_one_message=True),
+        tasks, frames, 5, _drive(outlines, frames, in_one_message=True),
         types={'/obstacles': COLLECTION})}
 
 
@@ -113,7 +113,7 @@ def _read_with_mcap(path):
         pass
 
 
-def measure_damaged(recordings):
+def measure_damaged(recordings=100):
     """Return the share of contacts found in damaged recordings, by what reads them."""
     rng = random.Random(1)
     found = {'sat_collision': 0, 'rosbags': 0, 'mcap': 0}

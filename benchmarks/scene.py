@@ -35,6 +35,8 @@ MAP_SIZES = 100, 1_000, 10_000, 100_000, 400_000, 1_000_000
 MESSAGE_SIZES = 10, 100, 1_000, 10_000
 MAP = 200.0
 _FOOTPRINTS = 100
+_REPEATS = 25
+_MAP_REPEATS = 15
 # Queries of a map that is not to get an index.
 _SCANS = 10
 _START = 1_700_000_000 * 10**9
@@ -77,15 +79,15 @@ def shared_edges(rng, count, n):
 LOADS = [(random_pairs, n) for n in VERTICES] + [(abutting_boxes, 4), (shared_edges, 1024)]
 
 
-def measure_pairs(pairs, repeats):
+def measure_pairs():
     """Return for each load median ns a pair, setup in us a polygon, and different answers."""
     rng = np.random.default_rng(1)
     for load, n in LOADS:
-        _measure_load(load, rng, 10, n, 1)  # whatever has to be compiled is compiled now
-    return [_measure_load(load, rng, pairs, n, repeats) for load, n in LOADS]
+        _measure_load(load, rng, n, 10, 1)  # whatever has to be compiled is compiled now
+    return [_measure_load(load, rng, n) for load, n in LOADS]
 
 
-def _measure_load(load, rng, count, n, repeats):
+def _measure_load(load, rng, n, count=20_000, repeats=7):
     a, b = zip(*load(rng, count, n))
     start = time.perf_counter()
     ours = [PolygonSet(map(Polygon, side)) for side in (a, b)]
@@ -99,12 +101,12 @@ def _measure_load(load, rng, count, n, repeats):
             **{name: 1e9 * seconds / count for name, seconds in medians(tasks, repeats).items()}}
 
 
-def measure(repeats):
+def measure():
     """Return all figures of this part; times are medians of repeats."""
     rng = np.random.default_rng(1)
     return {
-        'message': [_message(rng, size, repeats) for size in MESSAGE_SIZES],
-        'threads': _threads(rng, repeats),
+        'message': [_message(rng, size) for size in MESSAGE_SIZES],
+        'threads': _threads(rng),
         'memory': [_memory(rng, vertices) for vertices in (4, 32, 256)]}
 
 
@@ -113,13 +115,13 @@ def _outlines(rng, count, vertices, radius):
     return [regular(vertices, x, y, radius) for x, y in centres]
 
 
-def measure_maps(repeats):
+def measure_maps():
     """Return for maps of one obstacle in four square metres the µs a query, ms to build."""
     rng = np.random.default_rng(1)
-    return [_map(rng, size, repeats) for size in MAP_SIZES]
+    return [_map(rng, size) for size in MAP_SIZES]
 
 
-def _map(rng, size, repeats):
+def _map(rng, size):
     side = 2.0 * size ** 0.5
     outlines, footprints = (
         np.array([regular(4, 0.0, 0.0, radius)]) + rng.uniform(0, side, (count, 1, 2))
@@ -145,10 +147,10 @@ def _map(rng, size, repeats):
     return {'obstacles': size, **{
         f'{name}_us': 1e6 * seconds / queries
         for some, queries in ((tasks, len(own)), (scan, _SCANS), (builds, 1))
-        for name, seconds in medians(some, repeats).items()}}
+        for name, seconds in medians(some, _MAP_REPEATS).items()}}
 
 
-def _threads(rng, repeats, size=1_000):
+def _threads(rng, size=1_000):
     """Return for queries on sets the µs of one thread, and of two threads that each do half."""
     figures = []
     with ThreadPoolExecutor(2) as pool:
@@ -158,7 +160,7 @@ def _threads(rng, repeats, size=1_000):
             single = min(_seconds(query, sets, 1) for _ in range(5))
             calls = max(1, round(0.05 / single))
             times = [], []
-            for _ in range(repeats):
+            for _ in range(_REPEATS):
                 times[0].append(_seconds(query, sets, 2 * calls))
                 start = time.perf_counter()
                 [*pool.map(functools.partial(_seconds, query, sets), (calls, calls))]
@@ -176,20 +178,20 @@ def _seconds(query, sets, calls):
     return time.perf_counter() - start
 
 
-def _monitor(size):
-    """Return a monitor for a set of some size."""
+def monitor_of(size):
+    """Return a monitor of one footprint and of a set of some size."""
     return Monitor(Settings((FootprintSettings('footprint', '/footprint'),),
                             (ObstacleSettings('obstacles', '/obstacles', max_count=size,
                                               set_end='empty_polygon', assume_no_loss=True),)))
 
 
-def _message(rng, size, repeats):
+def _message(rng, size):
     """Return the cost of a message in a scene of some size, from bytes to the changed state."""
-    monitor = _monitor(size)
+    monitor = monitor_of(size)
     times, footprint_times = {1: [], _TOGETHER: []}, []
     obstacles = np.array(_outlines(rng, size, 4, 0.5))
     monitor.receive('footprint', serialised(regular(4, 0.0, 0.0, 1.0), _START), _START)
-    for number in range(2 + 2 * repeats * max(1, 500 // size)):
+    for number in range(2 + 2 * _REPEATS * max(1, 500 // size)):
         now = _START + number * _PERIOD
         messages = [serialised(outline, now)
                     for outline in (*(obstacles + 0.01 * (number % 8)), np.empty((0, 2)))]
@@ -210,7 +212,7 @@ def _message(rng, size, repeats):
             'footprint_us': 1e6 * float(np.median(footprint_times[20:]))}
 
 
-def measure_other_frame(repeats, count=5000):
+def measure_other_frame(repeats=15, count=5000):
     """Return us a message of the fixed frame, and of another one whose map is cached."""
     monitor = Monitor(Settings(
         frame_id='odom', footprints=(FootprintSettings('robot', TF, timeout=0.0),),
@@ -237,7 +239,7 @@ def measure_other_frame(repeats, count=5000):
 def _memory(rng, vertices, size=2_000):
     """Return the bytes an obstacle that the scene allocates."""
     messages = [serialised(outline, _START) for outline in _outlines(rng, size, vertices, 0.5)]
-    monitor = _monitor(size)
+    monitor = monitor_of(size)
     tracemalloc.start()
     for message in messages:
         monitor.receive('obstacles', message, _START)

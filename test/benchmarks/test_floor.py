@@ -27,7 +27,7 @@ TOPICS = ('/footprint_monitor/collision', '/footprint_monitor/footprint/collisio
 
 def test_skipped_with_a_word_without_rclcpp(monkeypatch, capsys):
     monkeypatch.setenv('PATH', '')
-    assert node.measure_cpp(1.0, 1) is None
+    assert node.measure_cpp() is None
     assert 'apt install cmake g++ ros-jazzy-rclcpp' in capsys.readouterr().err
 
 

@@ -40,8 +40,6 @@ SEEDS = 1, 2, 3, 4, 5
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
-    parser.add_argument('--directory', type=Path, default=ROOT / 'docs' / 'report',
-                        help='with the pages, in which the tables are replaced')
     parser.add_argument('--scale', type=float, default=1.0,
                         help='share of the usual number of pairs')
     parser.add_argument('--written', action='store_true',
@@ -49,16 +47,17 @@ def main():
     parser.add_argument('--accuracy', metavar='PAIRS', type=lambda text: int(float(text)),
                         help='compare this many answers with the oracle, and measure nothing else')
     arguments = parser.parse_args()
-    stored, accuracy = (arguments.directory / f'{name}.json' for name in ('figures', 'accuracy'))
+    directory = ROOT / 'docs' / 'report'
+    stored, accuracy = (directory / f'{name}.json' for name in ('figures', 'accuracy'))
     if arguments.accuracy:
         found = stability.long_run(arguments.accuracy, SEEDS[0])
         accuracy.write_text(compact({'machine': describe('numpy'), **found}) + '\n')
     elif not arguments.written:
         stored.write_text(compact(measure(arguments.scale)) + '\n')
     figures = json.loads(stored.read_text()) | {'accuracy': json.loads(accuracy.read_text())}
-    plots.write_all(figures, arguments.directory)
+    plots.write_all(figures, directory)
     for page in PAGES:
-        path = arguments.directory / page
+        path = directory / page
         path.write_text(with_tables(path.read_text(), tables.TABLES, figures))
     return bool(figures['accuracy']['wrong'])
 

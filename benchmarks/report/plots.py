@@ -26,9 +26,6 @@ U, U_FLOAT32 = 2.0 ** -53, 2.0 ** -24
 DRAWN = ('improved', 'traditional', 'published_a', 'published_b', 'binary', 'gjk', 'filtered',
          'shapely')
 CONDITIONED = 'traditional', 'closest', 'gjk', 'published_a', 'published_b', 'improved'
-# Methods whose points are labelled with n, for some n.
-_NUMBERED = 'published_a', 'improved'
-_NUMBERS = 4, 16, 64, 256
 # Bins with fewer pairs are not drawn.
 _FEWEST = 20
 _A, _B = (METHODS[method].colour for method in ('published_a', 'published_b'))
@@ -59,10 +56,11 @@ def _speed_error(figures):
     figure, panels = pyplot.subplots(
         2, 2, figsize=(10.5, 7.2), sharex=True, sharey='row', height_ratios=(1, 0.85))
     for (above, below), kind in zip(panels.T, ('near', 'hard')):
+        above.set(title=f'{kind} pairs', yscale='log', ylim=(4e-3, 126))
         for place, method in enumerate(reversed(DRAWN)):
             _speed_error_line(above, below, figures, kind, method, place)
-        above.set(title=f'{kind} pairs', ylim=(-0.4, 4.1))
-        above.set_yticks(range(5), ['0.01 %', '0.1 %', '1 %', '10 %', '100 %'])
+        above.set_yticks([0.01, 0.1, 1, 10, 100], ['0.01 %', '0.1 %', '1 %', '10 %', '100 %'])
+        above.minorticks_off()
         below.set(ylim=(-0.6, len(DRAWN) - 0.1), xscale='log', xlabel='median time a pair, ns')
         below.set_yticks(range(len(DRAWN)), [LABELS[method] for method in reversed(DRAWN)])
         below.grid(axis='y', visible=False)
@@ -78,14 +76,12 @@ def _speed_error(figures):
 
 
 def _speed_error_line(above, below, figures, kind, method, place):
-    """Draw shares on a logarithmic scale, per cent times 100, and a share of 0 in its row."""
-    sides = distinct(figures['speed'], 'n')
-    rows = [speed_row(figures, n, kind, method) for n in sides]
-    times = np.array([row['ns'][:3] for row in rows])
-    shares = [parts(row) for row in rows]
-    wrong = np.array([part > 0 for part, _ in shares])
-    ends = np.array([(part / whole, *wilson(part, whole)) for part, whole in shares])
-    ends = np.log10(1e4 * np.maximum(ends, 10 ** -4.4))
+    """Draw shares in per cent, and a share of 0 in its row."""
+    rows = [speed_row(figures, n, kind, method) for n in distinct(figures['speed'], 'n')]
+    times = np.array([row['ns'] for row in rows])
+    ends = 100 * np.array([(part / whole, *wilson(part, whole)) for part, whole in map(
+        parts, rows)])
+    wrong = ends[:, 0] > 0
     for panel, shown, heights in ((above, wrong, ends[:, 0]),
                                   (below, ~wrong, np.full(len(rows), place))):
         panel.plot(times[:, 0], np.where(shown, heights, math.nan), **style(method))
@@ -94,19 +90,6 @@ def _speed_error_line(above, below, figures, kind, method, place):
                        xerr=np.abs(times[shown, 1:] - times[shown, :1]).T,
                        yerr=np.abs(ends[shown, 1:] - ends[shown, :1]).T if panel is above
                        else None)
-    if kind == 'near' and method in _NUMBERED:
-        for n, time, height, is_above in zip(sides, times[:, 0], ends[:, 0], wrong):
-            if n in _NUMBERS:
-                panel, at = (above, height) if is_above else (below, place)
-                panel.annotate(f'n = {n}' if n == _NUMBERS[0] else f'{n}', (time, at),
-                               (15, -5) if is_above else (0, 9), textcoords='offset points',
-                               fontsize=7.5, ha='right' if n == 64 and not is_above else 'center',
-                               color=METHODS[method].colour)
-    if kind == 'near' and wrong.any():
-        last = np.flatnonzero(wrong)[-1]
-        above.annotate(LABELS[method], (times[last, 0], ends[last, 0]), (0, 8), fontsize=8,
-                       textcoords='offset points', color=METHODS[method].colour,
-                       ha='right' if method == 'published_b' else 'center')
 
 
 def _condition(figures):

@@ -20,8 +20,9 @@ import functools
 import time
 import tracemalloc
 
-from _shared import medians
+from _shared import medians, times
 from builders import box, serialised, transforms
+import families
 import numpy as np
 from sat_collision import intersects_pairs, Polygon, PolygonSet, separations
 from sat_collision.monitor import Monitor
@@ -150,32 +151,23 @@ def _map(rng, size):
         for name, seconds in medians(some, _MAP_REPEATS).items()}}
 
 
-def _threads(rng, size=1_000):
+def _threads(rng):
     """Return for queries on sets the µs of one thread, and of two threads that each do half."""
+    sets = [PolygonSet(side) for side in zip(*families.random_pairs(rng, 1_000, 64))]
     figures = []
     with ThreadPoolExecutor(2) as pool:
         for query in (intersects_pairs, separations):
-            sets = [PolygonSet.from_array(np.array(side))
-                    for side in zip(*random_pairs(rng, size, 64))]
-            single = min(_seconds(query, sets, 1) for _ in range(5))
-            calls = max(1, round(0.05 / single))
-            times = [], []
-            for _ in range(_REPEATS):
-                times[0].append(_seconds(query, sets, 2 * calls))
-                start = time.perf_counter()
-                [*pool.map(functools.partial(_seconds, query, sets), (calls, calls))]
-                times[1].append(time.perf_counter() - start)
+            def ask(calls):
+                for _ in range(calls):
+                    query(*sets)
+            single, = times({'single': lambda: ask(1)}, 5).values()
+            calls = max(1, round(0.05 / min(single)))
+            found = times({'one_us': lambda: ask(2 * calls),
+                           'two_us': lambda: [*pool.map(ask, (calls, calls))]}, _REPEATS)
             # The best, because whatever else runs takes a core from two threads first.
-            one, two = (1e6 * min(found) / (2 * calls) for found in times)
-            figures.append({'query': query.__name__, 'one_us': one, 'two_us': two})
+            figures.append({'query': query.__name__, **{
+                name: 1e6 * min(taken) / (2 * calls) for name, taken in found.items()}})
     return figures
-
-
-def _seconds(query, sets, calls):
-    start = time.perf_counter()
-    for _ in range(calls):
-        query(*sets)
-    return time.perf_counter() - start
 
 
 def monitor_of(size):

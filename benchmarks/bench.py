@@ -21,7 +21,6 @@ import time
 from _shared import describe, duration, ROOT, table, table_of
 import node
 from page_parts import with_tables
-import plans
 import replay
 import scene
 
@@ -31,7 +30,7 @@ _KERNELS = {'monitor': 'numba', 'plain': 'plain Python'}
 
 
 MEASURES = {
-    'scene': scene.measure, 'maps': scene.measure_maps, 'plans': plans.measure,
+    'scene': scene.measure, 'maps': scene.measure_maps, 'plans': scene.measure_plans,
     'node': node.measure, 'cpp': node.measure_cpp, 'whole_sets': node.measure_whole_sets,
     'frames': node.measure_frames, 'other_frame': scene.measure_other_frame,
     'startup': node.measure_startup, 'replay': replay.measure,

@@ -10,17 +10,13 @@
 """
 The polygons that take longest: to take from a message, to decide and to measure.
 
-Compiled kernels and plain Python are each timed in a process of their own, with as many vertices
-as the node accepts there, and the tables of docs/reliability.md replaced. Each figure is the
-processor time for the worst pair of shapes and places, the least of several runs. Contacts that
-begin one by one are timed, too, because each might cost more the more there are.
+With as many vertices as the node accepts in this process's kernel; its tables of
+docs/reliability.md are replaced. Each figure is the processor time for the worst pair of shapes
+and places, the least of several runs. Contacts that begin one by one are timed, too, because each
+might cost more the more there are.
 """
 
 import itertools
-import json
-import os
-import subprocess
-import sys
 import time
 
 from _shared import ROOT, table
@@ -29,19 +25,17 @@ import numpy as np
 from page_parts import replace_part
 from sat_collision import intersects, Polygon, separation
 from sat_collision.geometry.body.polygon import max_non_convex, Packer
+from sat_collision.geometry.compiled.jit import COMPILED
 from sat_collision.messages.cdr import decode
 from scene import monitor_of
 from traffic import regular
 
 MAX_VERTICES = 1024
-KERNELS = {'compiled': '0', 'in plain Python': '1'}
 # The offset of a second body from the first, in sizes of the body, and its rotation.
 _PLACES = ((2.1, 0.0, 0.0), (0.9, 0.4, 0.0), (0.3, 0.2, 0.5), (0.01, 0.003, 0.0),
            (0.0, 0.0, np.pi), (0.02, 0.01, 1.6))
 _TURNS = 0.0, 0.7, 2.0
 _CONTACTS = 1_000, 10_000
-# An argument: print the figures of this process only.
-_THIS_KERNEL = '--this-kernel'
 
 
 def shapes(count, rng):
@@ -92,7 +86,7 @@ def _best(function, *arguments, repeats=5):
 
 
 def measure():
-    """Return for each shape its times in this process's kernel, and its worst counterpart."""
+    """Return for each shape its times, and its worst counterpart."""
     packer = Packer(MAX_VERTICES)
     outlines = shapes(max_non_convex(MAX_VERTICES), np.random.default_rng(1))
     found = {}
@@ -128,26 +122,18 @@ def contacts(count):
 
 
 def main():
-    parts, times = {}, []
-    for kernel, disabled in KERNELS.items():
-        found, taken = json.loads(subprocess.check_output(
-            [sys.executable, __file__, _THIS_KERNEL],
-            env={**os.environ, 'NUMBA_DISABLE_JIT': disabled}))
-        parts[f'hard shapes {kernel}'] = table(
+    kernel = 'compiled' if COMPILED else 'in plain Python'
+    contacts(10)  # whatever has to be compiled is compiled now
+    parts = {
+        f'hard shapes {kernel}': table(
             ['shape', 'to take [ms]', 'to decide [ms]', 'to measure [ms]', 'against'],
-            [[name, *(f'{value:.1f}' for value in row[:3]), row[3]]
-             for name, row in found.items()])
-        times.append([kernel, *(f'{value:.0f} ms' for value in taken)])
-    parts['contacts one by one'] = table(
-        ['', *(f'{count:,} contacts' for count in _CONTACTS)], times)
+            [[name, *(f'{value:.1f}' for value in times), against]
+             for name, (*times, against) in measure().items()]),
+        f'contacts {kernel}': table(['', *(f'{count:,} contacts' for count in _CONTACTS)], [
+            [kernel, *(f'{contacts(count):.0f} ms' for count in _CONTACTS)]])}
     for name, part in parts.items():
-        print(f'{name}\n\n{part}\n')
         replace_part(ROOT / 'docs' / 'reliability.md', name, part)
 
 
 if __name__ == '__main__':
-    if _THIS_KERNEL in sys.argv:
-        contacts(10)
-        print(json.dumps([measure(), [contacts(count) for count in _CONTACTS]]))
-    else:
-        main()
+    main()

@@ -25,7 +25,6 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PolygonStamped
 import rclpy
 from rclpy.clock import Clock, ClockType
-from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -36,7 +35,6 @@ from sat_collision.node.footprint_monitor import flag_qos
 from sat_collision.node.signals import end_on_signals, Signalled
 import shapely
 from std_msgs.msg import Bool
-from traffic import RECEIVED
 
 _SIGN_OF_FIRST_X = 27
 _TICK = 0.1
@@ -54,7 +52,7 @@ class Peer(Node):
     def report(self):
         if time.monotonic() >= self._next_report:
             self._next_report = time.monotonic() + 1.0
-            count = KeyValue(key=RECEIVED, value=str(self.received))
+            count = KeyValue(key='obstacle: received', value=str(self.received))
             self._diagnostics.publish(
                 DiagnosticArray(status=[DiagnosticStatus(values=[count])]))
 
@@ -148,10 +146,7 @@ def run_floor(takes_collections=False):
 def run_shapely():
     """Run the node of shapely as a plain program does."""
     rclpy.init()
-    try:
-        rclpy.spin(Shapely())
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
+    rclpy.spin(Shapely())
 
 
 def run_monitor(ignores_transforms=False):

@@ -35,8 +35,6 @@ ROBOT = (-0.5, -0.4), (0.9, -0.4), (0.9, 0.4), (-0.5, 0.4)
 FOOTPRINT_RATE = 50.0
 SET_RATE = 10.0
 _TIMEOUT = 60.0
-# The entry of /diagnostics with the number of obstacles that a node has received.
-RECEIVED = 'obstacle: received'
 
 
 class Form(NamedTuple):

@@ -32,7 +32,7 @@ from geometry_msgs.msg import PolygonStamped
 import numpy as np
 import rclpy
 from std_msgs.msg import Bool
-from traffic import head, Reader, regular, SET_RATE, STAMPED, Traffic, until
+from traffic import head, regular, SET_RATE, STAMPED, Traffic, until
 
 _PEERS = str(ROOT / 'benchmarks' / 'peers.py')
 _MONITOR = ['-m', 'sat_collision.node', '--ros-args', '-p', 'obstacle.set_end:=empty_polygon']
@@ -102,16 +102,15 @@ def cpu_time(pid):
 def load(kind, obstacles, vertices, burst=False, rate=SET_RATE):
     """Run traffic against a node on one core; return its cost a message, latencies and losses."""
     core = max(os.sched_getaffinity(0))
-    with running(kind) as pid, contextlib.closing(Reader()) as reader, \
-            contextlib.closing(Traffic(obstacles, vertices)) as traffic:
+    with running(kind) as pid, contextlib.closing(Traffic(obstacles, vertices)) as traffic:
         traffic.connect()
         pin(pid, core)
         traffic.run(0.5, burst, rate)
-        count = reader.steady()
+        count = traffic.taken()
         used = cpu_time(pid)
         footprints, sent, latencies = traffic.run(SECONDS, burst, rate)
         used = cpu_time(pid) - used
-        taken = reader.steady() - count
+        taken = traffic.taken() - count
     return {'cpu_us': 1e6 * used / (taken + len(latencies)), 'core': used / SECONDS,
             'sent_per_second': sent / SECONDS, 'lost': sent - taken,
             'unanswered': footprints - len(latencies),
@@ -213,7 +212,7 @@ def measure_cpp():
 class Sender:
     """Sends numbered messages to nodes, `rate` a second, and receives the flags of one of them."""
 
-    def __init__(self, rate, **kinds):
+    def __init__(self, rate=0.0, **kinds):
         self.rate = rate
         self._node = rclpy.create_node('sender')
         self._flags = []
@@ -349,15 +348,11 @@ def measure_whole_sets():
 
 def _first_flag(kind, **environment):
     """Return the seconds from the start of a node to its first flag."""
-    node = rclpy.create_node('listener')
-    flags = []
-    node.create_subscription(Bool, '/footprint_monitor/collision', flags.append, 10)
-    start = time.monotonic()
-    with running(kind, **environment):
-        until(lambda: flags, lambda: rclpy.spin_once(node, timeout_sec=0.1))
-        seconds = time.monotonic() - start
-    node.destroy_node()
-    return seconds
+    with contextlib.closing(Sender()) as sender:
+        start = time.monotonic()
+        with running(kind, **environment):
+            sender.connect()
+            return time.monotonic() - start
 
 
 def measure_startup():

@@ -37,7 +37,7 @@ from matplotlib import pyplot
 from node import cpu_time, ros, running
 import numpy as np
 from page_parts import replace_part
-from traffic import FOOTPRINT_RATE, Form, Reader, regular, ROBOT, SET_RATE, tail, Traffic
+from traffic import FOOTPRINT_RATE, Form, regular, ROBOT, SET_RATE, tail, Traffic
 
 _WHEN = operator.itemgetter(0)
 # Of a set, at 10 Hz.
@@ -184,13 +184,13 @@ def soak(minutes):
     and on times, and how many obstacle messages were sent and lost.
     """
     readings = []
-    with running('monitor', _PARAMETERS) as pid, contextlib.closing(Reader(_FORMS)) as reader, \
+    with running('monitor', _PARAMETERS) as pid, \
             contextlib.closing(Traffic(_OBSTACLES, 4, True, _FORMS)) as traffic:
         drive = Drive(traffic.node)
         traffic.footprint_at = drive.footprint_at
         traffic.connect()
         # Before settling: it may take 2 s, and then the person is unknown for its timeout.
-        count = reader.steady()
+        count = traffic.taken()
         _, sent, _ = traffic.run(_SETTLING)
         for record in (traffic.changes, traffic.received, traffic.times):
             record.clear()
@@ -208,7 +208,7 @@ def soak(minutes):
                     *readings[-1]), flush=True)
         return (readings, judge(traffic.changes, traffic.received),
                 judge_times(drive.stays, traffic.received, traffic.times), sent,
-                sent - (reader.steady() - count))
+                sent - (traffic.taken() - count))
 
 
 def summary(readings, verdict, times, sent, lost):

@@ -123,6 +123,8 @@ class Traffic:
             Bool, '/footprint_monitor/collision', lambda flag: None, 100)
         self._times = timed and self.node.create_subscription(
             Float64, '/footprint_monitor/footprint/time_to_collision', lambda time: None, 100)
+        self._reports = self.node.create_subscription(
+            DiagnosticArray, '/diagnostics', lambda report: None, 10)
 
     def close(self):
         self.node.destroy_node()
@@ -151,7 +153,7 @@ class Traffic:
             body, hit, _ = self.footprint_at(stamp)
             self._footprint.publish(head(stamp) + body)
             time.sleep(0.2)
-            flags = [flag for _, flag in _published(self._flags, Bool)]
+            flags = [flag.data for _, flag in _published(self._flags, Bool)]
             return hit in flags and all(publisher.get_subscription_count() >= nodes
                                         for publisher in (*self._obstacles.values(),
                                                           self._footprint))
@@ -173,10 +175,11 @@ class Traffic:
         begun = time.monotonic()
         while (now := time.monotonic() - begun) < seconds + _AFTERMATH:
             for _, flag in _published(self._flags, Bool):
-                self.received.append((begun + now, flag))
-                latencies += _answer(unanswered, flag, now)
+                self.received.append((begun + now, flag.data))
+                latencies += _answer(unanswered, flag.data, now)
             if self._times:
-                self.times += _published(self._times, Float64)
+                self.times += [(when, seconds.data)
+                               for when, seconds in _published(self._times, Float64)]
             if now < seconds and footprints / FOOTPRINT_RATE <= now:
                 stamp = time.time_ns()
                 body, hit, changes = self.footprint_at(stamp)
@@ -203,16 +206,29 @@ class Traffic:
         """Send as `run` does; return how many messages."""
         return sum(self.run(seconds)[:2])
 
+    def taken(self):
+        """Return how many counted obstacles the node has received, once two new reports agree."""
+        entries = [f'{form.source}: received' for form in self._forms if form.is_counted]
+        counts = []
+        _published(self._reports, DiagnosticArray)  # older ones
+
+        def is_steady():
+            for _, report in _published(self._reports, DiagnosticArray):
+                values = {value.key: value.value for value in report.status[0].values}
+                counts.append(sum(int(values.get(entry, 0)) for entry in entries))
+            return len(counts) > 1 and counts[-1] == counts[-2]
+        until(is_steady, lambda: time.sleep(0.1))
+        return counts[-1]
+
 
 def _published(subscription, message_type):
-    """Return the values that have arrived, and when they were published by the monotonic clock."""
-    values = []
+    """Return when messages that have arrived were published, by the monotonic clock, and these."""
+    found = []
     with subscription.handle:
         while taken := subscription.handle.take_message(message_type, True):
             age = (time.time_ns() - taken[1]['source_timestamp']) / 1e9
-            values.append((time.monotonic() - age,
-                           deserialize_message(taken[0], message_type).data))
-    return values
+            found.append((time.monotonic() - age, deserialize_message(taken[0], message_type)))
+    return found
 
 
 def _answer(unanswered, flag, now):
@@ -222,28 +238,3 @@ def _answer(unanswered, flag, now):
     if unanswered and unanswered[0][1] == flag:
         return [now - unanswered.popleft()[0]]
     return []
-
-
-class Reader:
-    """Reads on /diagnostics how many counted obstacles the node under test has received."""
-
-    def __init__(self, forms=(_MARKED,)):
-        self._entries = [f'{form.source}: received' for form in forms if form.is_counted]
-        self._node = rclpy.create_node('counts')
-        self._node.create_subscription(DiagnosticArray, '/diagnostics', self._receive, 10)
-        self._counts = []
-
-    def _receive(self, message):
-        values = {value.key: value.value for value in message.status[0].values}
-        self._counts.append(sum(int(values.get(entry, 0)) for entry in self._entries))
-
-    def steady(self):
-        """Return the count once two new reports agree, so that all messages are processed."""
-        rclpy.spin_once(self._node, timeout_sec=0.0)
-        self._counts.clear()
-        until(lambda: len(self._counts) > 1 and self._counts[-1] == self._counts[-2],
-              lambda: rclpy.spin_once(self._node, timeout_sec=0.1))
-        return self._counts[-1]
-
-    def close(self):
-        self._node.destroy_node()

@@ -20,7 +20,7 @@ sys.path.append(str(ROOT / 'benchmarks'))
 rclpy = pytest.importorskip('rclpy')
 
 import node  # noqa: E402, I100
-from traffic import Reader, Traffic  # noqa: E402, I100
+from traffic import Traffic  # noqa: E402, I100
 
 TOPICS = ('/footprint_monitor/collision', '/footprint_monitor/footprint/collision', '/diagnostics')
 
@@ -46,12 +46,11 @@ def test_floor_in_cpp_publishes_and_counts_as_in_python(tmp_path, monkeypatch, d
 
 def published_by(kind):
     """Return the QoS of what a node publishes, which must answer and count its obstacles."""
-    with node.running(kind), contextlib.closing(Reader()) as reader, \
-            contextlib.closing(Traffic(10, 4)) as traffic:
+    with node.running(kind), contextlib.closing(Traffic(10, 4)) as traffic:
         traffic.connect()
-        before = reader.steady()
+        before = traffic.taken()
         _, sent, _ = traffic.run(0.5)
         assert traffic.received[-1][1] is traffic.changes[-1][1]
-        assert reader.steady() - before == sent
+        assert traffic.taken() - before == sent
         found = {topic: traffic.node.get_publishers_info_by_topic(topic) for topic in TOPICS}
         return {topic: [str(info.qos_profile) for info in infos] for topic, infos in found.items()}

@@ -101,10 +101,9 @@ def cpu_time(pid):
 
 def load(kind, obstacles, vertices, burst=False, rate=SET_RATE):
     """Run traffic against a node on one core; return its cost a message, latencies and losses."""
-    core = max(os.sched_getaffinity(0))
     with running(kind) as pid, contextlib.closing(Traffic(obstacles, vertices)) as traffic:
         traffic.connect()
-        pin(pid, core)
+        pin(pid)
         traffic.run(0.5, burst, rate)
         count = traffic.taken()
         used = cpu_time(pid)
@@ -130,7 +129,6 @@ def together(nodes, make, repeats=REPEATS):
     discovered first warms the caches for the other. All are medians. `nodes` are kinds and
     parameters; `make` returns what sends the messages, such as `Traffic`.
     """
-    core = max(os.sched_getaffinity(0))
     costs = []
     for _ in range(repeats):
         with contextlib.ExitStack() as stack:
@@ -138,7 +136,7 @@ def together(nodes, make, repeats=REPEATS):
             traffic = stack.enter_context(contextlib.closing(make()))
             traffic.connect(len(pids))
             for pid in pids:
-                pin(pid, core)
+                pin(pid)
             traffic.send(0.5)
             before = [cpu_time(pid) for pid in pids]
             count = traffic.send(SECONDS)
@@ -148,8 +146,9 @@ def together(nodes, make, repeats=REPEATS):
         first / last for first, *_, last in costs)
 
 
-def pin(pid, core):
-    """Pin all threads of a process to one core."""
+def pin(pid):
+    """Pin all threads of a process to the last core."""
+    core = max(os.sched_getaffinity(0))
     for thread in os.listdir(f'/proc/{pid}/task'):
         os.sched_setaffinity(int(thread), {core})
 
@@ -330,7 +329,7 @@ def measure_whole_sets():
     with running('whole', {'obstacle.timeout': '0.0'}) as pid, (
             contextlib.closing(Collections(1))) as traffic:
         traffic.connect()
-        pin(pid, max(os.sched_getaffinity(0)))
+        pin(pid)
         used = cpu_time(pid)
         time.sleep(SECONDS)
         idle = 1e6 * (cpu_time(pid) - used) / (SECONDS * SET_RATE)
@@ -338,7 +337,7 @@ def measure_whole_sets():
         us, floor, _ = together([('whole',), ('whole_floor',)], lambda: Collections(obstacles))
         with running('whole') as pid, contextlib.closing(Collections(obstacles)) as traffic:
             traffic.connect()
-            pin(pid, max(os.sched_getaffinity(0)))
+            pin(pid)
             latencies = traffic.latencies(30 * REPEATS, 1 / SET_RATE)
         rows.append({'obstacles': obstacles, 'us': us, 'floor_us': floor,
                      'idle_us': idle, 'core': us * SET_RATE / 1e6,

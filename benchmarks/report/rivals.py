@@ -17,11 +17,6 @@ gravity or its head, which is both. All compute in plain floating point except o
 
 The paper is Liang and Liu, "The Research of Collision Detection Algorithm Based on Separating Axis
 Theorem"; boxes and centres belong to its pre-treatment stage (section 6).
-
-Two convex polygons are apart iff some edge of one has every vertex of the other strictly on its
-outer side. *filtered orientations* tests each edge with the semi-static filter of CGAL's kernel
-(Melquiond and Pion 2007), and exactly if that fails. It begins with the vertex that refuted the
-edge before, which makes most pairs O(n).
 """
 
 import math
@@ -354,7 +349,12 @@ def _nearest_on_segment(ax, ay, bx, by):
 
 @kernel
 def filtered(p, q, head_p, head_q):
-    """Decide by orientations that are each filtered: the method labelled filtered orientations."""
+    """
+    Look for an edge that has every vertex of the other polygon strictly on its outer side.
+
+    Each vertex is tested with the semi-static filter of CGAL's kernel (Melquiond and Pion 2007),
+    and exactly if that fails; first the one that refuted the edge before, so most pairs are O(n).
+    """
     if boxes_apart(head_p, head_q):
         return True
     if len(p) <= 2 and len(q) <= 2:

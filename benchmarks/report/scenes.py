@@ -119,7 +119,7 @@ def cost():
         whole, contacts = _timed(a, b)
         unsure = np.flatnonzero(found == EXACT)
         there, _ = _timed([a[i] for i in unsure], [b[i] for i in unsure])
-        rows.append({'scene': name, 'frames': len(frames), 'pairs': len(a), 'contacts': contacts,
+        rows.append({'scene': name, 'pairs': len(a), 'contacts': contacts,
                      'boxes': int((found == BOXES).sum()), 'exact': len(unsure),
                      'ns': whole and round(whole / len(a) * 1e9, 1),
                      'exact_time': 0.0 if not len(unsure) else there and round(there / whole, 4)})
@@ -190,7 +190,7 @@ def _age_of(frames):
         speeds.append(float(np.hypot(*(p1 - p0).T).max()) / (t1 - t0))
     largest = max(float(np.abs(body).max()) for _, footprint, obstacles in frames
                   for body in (footprint, *obstacles))
-    return {'frames': len(before), 'spacing': float(np.median(gaps)), 'speed': max(speeds),
+    return {'spacing': float(np.median(gaps)), 'speed': max(speeds),
             'before': [float(np.median(before)), max(before)],
             'between': [float(np.median(between)), max(between)],
             # Half a step in each coordinate of a vertex of either body.

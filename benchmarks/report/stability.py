@@ -79,21 +79,18 @@ def long_run(pairs, seed):
     the exact stage, and its cost. Returns counts by family, and the pairs of wrong answers.
     """
     _compare(families.near(np.random.default_rng(seed), 1, 3), ())  # compiles everything
-    results, wrong, start = {}, [], time.perf_counter()
+    results, whole, wrong, start = defaultdict(Counter), Counter(), [], time.perf_counter()
     for k, (family, n, count) in enumerate(_shares(pairs)):
         rng = np.random.default_rng([seed, k])
-        total = results.setdefault(family.__name__, Counter())
         for part in methods.chunks(count, n):
             bodies = family(rng, part, n)
             counts, rows = _compare(bodies, np.flatnonzero(rng.random(len(bodies)) < CHECKED))
-            total.update(counts)
+            results[family.__name__].update(counts)
+            whole.update(counts)
             wrong += [{'family': family.__name__, 'n': n, 'pair': [
                 body.tolist() for body in bodies[row]]} for row in rows]
         print(f'{time.perf_counter() - start:6.0f} s  {family.__name__}, n = {n}: '
               f'{len(wrong)} wrong so far', file=sys.stderr)
-    whole = Counter()
-    for counts in results.values():
-        whole.update(counts)  # unlike a sum, keeps zeros
     return {'seed': seed, 'seconds': round(time.perf_counter() - start),
             'families': {**results, 'all': whole}, 'wrong': wrong}
 

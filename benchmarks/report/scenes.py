@@ -29,8 +29,6 @@ from sat_collision.geometry.pair.separating_axis import (
 
 # What decides a pair: boxes or discs, axes in plain doubles, or the exact stage.
 BOXES, AXES, EXACT = range(3)
-# Fewer pairs than this are not timed.
-_FEWEST_TIMED = 100
 # The names of the recordings in test/data on the page.
 NAMES = {'autoware_ego_trajectory_boxes': 'a vehicle among boxes (Autoware)',
          'commonroad_USA_Lanker-1_1_ego1247': 'vehicles on a road (CommonROAD, NGSIM)',
@@ -113,25 +111,20 @@ def cost():
     """Return for each scene how many pairs the exact stage decides, and its share of the time."""
     rows = []
     for name, frames in scenes().items():
-        a, b = zip(*((Polygon(footprint), Polygon(obstacle))
-                     for footprint, obstacles in frames for obstacle in obstacles))
-        found = stages(PolygonSet(a), PolygonSet(b))
-        whole, contacts = _timed(a, b)
-        unsure = np.flatnonzero(found == EXACT)
-        there, _ = _timed([a[i] for i in unsure], [b[i] for i in unsure])
-        rows.append({'scene': name, 'pairs': len(a), 'contacts': contacts,
-                     'boxes': int((found == BOXES).sum()), 'exact': len(unsure),
-                     'ns': whole and round(whole / len(a) * 1e9, 1),
-                     'exact_time': 0.0 if not len(unsure) else there and round(there / whole, 4)})
+        pairs = [(Polygon(footprint), Polygon(obstacle))
+                 for footprint, obstacles in frames for obstacle in obstacles]
+        sets = [PolygonSet(side) for side in zip(*pairs)]
+        found = stages(*sets)
+        tasks = {'whole': functools.partial(intersects_pairs, *sets)}
+        if exact := [pair for pair, stage in zip(pairs, found) if stage == EXACT]:
+            tasks['exact'] = functools.partial(intersects_pairs, *map(PolygonSet, zip(*exact)))
+        contacts = int(tasks['whole']().sum())
+        seconds = {'exact': 0.0, **medians(tasks, REPEATS)}
+        rows.append({'scene': name, 'pairs': len(pairs), 'contacts': contacts,
+                     'boxes': int((found == BOXES).sum()), 'exact': len(exact),
+                     'ns': round(seconds['whole'] / len(pairs) * 1e9, 1),
+                     'exact_time': round(seconds['exact'] / seconds['whole'], 4)})
     return rows
-
-
-def _timed(a, b):
-    """Return the median seconds of deciding pairs in one call, None of few, and the contacts."""
-    task = functools.partial(intersects_pairs, PolygonSet(a), PolygonSet(b))
-    contacts = int(task().sum())
-    seconds = medians({'whole': task}, REPEATS)['whole'] if len(a) >= _FEWEST_TIMED else None
-    return seconds, contacts
 
 
 def stages(a, b):

@@ -23,7 +23,8 @@ extras = {
         'rosbags',
     ],
     'cluster': ['dask[distributed]'],
-    'bench': ['box2d', 'matplotlib', 'mcap', 'pymunk', 'pytest', 'pyyaml', 'rosbags', 'shapely>=2'],
+    'bench': [
+        'box2d', 'matplotlib', 'mcap', 'pymunk', 'pytest', 'pyyaml', 'rosbags', 'shapely>=2'],
     'audit': ['cyclonedx-bom', 'pip-audit'],
     'test': [
         'coverage>=7.10',

@@ -21,6 +21,7 @@ ROOT = Path(__file__).parents[2]
 STORED = ROOT / 'docs' / 'report'
 PAGES = 'README.md', 'appendix.md'
 sys.path += [str(ROOT / 'benchmarks'), str(ROOT / 'benchmarks' / 'report')]
+pytest.importorskip('numba')
 
 import _shared as shared  # noqa: E402, I100
 import stability  # noqa: E402

@@ -30,9 +30,9 @@ _KERNELS = {'monitor': 'numba', 'plain': 'plain Python'}
 
 
 MEASURES = {
-    'scene': scene.measure, 'maps': scene.measure_maps, 'plans': scene.measure_plans,
-    'node': node.measure, 'cpp': node.measure_cpp, 'whole_sets': node.measure_whole_sets,
-    'frames': node.measure_frames, 'other_frame': scene.measure_other_frame,
+    'kernel': scene.measure_pairs, 'scene': scene.measure, 'maps': scene.measure_maps,
+    'plans': scene.measure_plans, 'node': node.measure, 'cpp': node.measure_cpp,
+    'whole_sets': node.measure_whole_sets, 'frames': node.measure_frames, 'other_frame': scene.measure_other_frame,
     'startup': node.measure_startup, 'replay': replay.measure,
     'collections': replay.measure_collections, 'damaged': replay.measure_damaged}
 
@@ -96,6 +96,12 @@ TABLES = {
         'obstacles': '{obstacles:,}', 'sat_collision': '{us:.0f}',
         'empty rclpy node': '{floor_us:.0f}', 'empty rclcpp node': '{cpp_us:.0f}',
         'sat_collision, times the rclcpp node': '{ratio:.1f}'}),
+    'kernel': lambda figures: table_of(figures['kernel'], {
+        'pairs': lambda row: row['load'].replace('_', ' '), 'vertices': '{vertices:,}',
+        'sat_collision': '{ours:,.0f}', 'shapely': '{shapely:,.0f}',
+        'shapely, times ours': lambda row: f'{row["shapely"] / row["ours"]:.1f}',
+        'make a polygon': lambda row: f'{1e3 * row["setup"]:,.0f}',
+        'different answers': '{wrong}'}),
     'frames': lambda figures: table_of([
         {**figures['other_frame'], **figures['frames']['latency']}], {
         'message in the fixed frame': '{fixed_us:.1f} µs',

@@ -8,11 +8,12 @@
 # language governing permissions and limitations under the License.
 
 """
-The scene as it grows, beside shapely's STRtree, on the same bodies and in turns in one process.
+The decision alone, beside shapely, and the scene as it grows, beside shapely's STRtree.
 
-Two threads are compared with one that does the work of both. A plan of 200 poses over 50 m is
-free, so that all of it is looked at; its rivals look at places 5 cm apart and miss what is
-between: the polygons of the footprint against an STRtree, and its outline on a grid of 5 cm.
+Touching pairs are the worst load that an adversary could send: doubles decide no sign. Two threads
+are compared with one that does the work of both. A plan of 200 poses over 50 m is free, so that
+all of it is looked at; its rivals look at places 5 cm apart and miss what is between: the polygons
+of the footprint against an STRtree, and its outline on a grid of 5 cm.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -28,8 +29,10 @@ from sat_collision import first_contact_along, intersects_pairs, Polygon, Polygo
 from sat_collision.monitor import Monitor
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings, TF
 import shapely
+import shapes
 from traffic import regular
 
+VERTICES = (4, 8, 16, 32, 64, 256, 1024)
 MAP_SIZES = 100, 1_000, 10_000, 100_000, 400_000, 1_000_000
 PLAN_SIZES = 1_000, 100_000
 MESSAGE_SIZES = 10, 100, 1_000, 10_000
@@ -48,6 +51,62 @@ _POSES, _LENGTH, _STEP = 200, 50.0, 0.05
 # The half diagonal of an obstacle, a square on a corner; one is in four square metres.
 _RADIUS = 0.5
 _AREA = 4.0
+
+
+def random_pairs(rng, count, n):
+    """
+    Return unit-sized pairs: a third 1 to 5 apart, a third 0.1 to -0.1, a third -0.2 to -0.8.
+
+    That is the gap between their projections on a random axis, a lower bound of their separation.
+    """
+    a, b = (shapes.polygons(rng, count, n) for _ in range(2))
+    axes = shapes.directions(rng, count)
+    touching = (a @ axes[..., None]).max(axis=1) - (b @ axes[..., None]).min(axis=1)
+    low, high = np.array([(1.0, 5.0), (-0.1, 0.1), (-0.8, -0.2)])[rng.permutation(count) % 3].T
+    places = rng.uniform(-50, 50, (count, 1, 2))
+    moves = (touching[:, 0] + rng.uniform(low, high))[:, None] * axes
+    return list(zip(a + places, b + places + moves[:, None]))
+
+
+def abutting_boxes(rng, count, _):
+    """Return boxes of a grid with a neighbour each, edge on edge or corner on corner."""
+    square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
+    steps = np.array([(1, 0), (0, 1), (1, 1), (-1, 0), (0, -1), (-1, 1)])
+    corners = rng.integers(-1000, 1000, (count, 2))
+    return [(square + corner, square + corner + step)
+            for corner, step in zip(corners, steps[rng.integers(0, 6, count)])]
+
+
+def shared_edges(rng, count, n):
+    """Return regular polygons with their reflection in the middle of an edge, all exact."""
+    rings = np.round(shapes.regular(rng, count, n) * 2.0**40) / 2.0**40
+    edges = rng.integers(0, n - 1, count)
+    return [(ring, ring[edge] + ring[edge + 1] - ring) for ring, edge in zip(rings, edges)]
+
+
+LOADS = [(random_pairs, n) for n in VERTICES] + [(abutting_boxes, 4), (shared_edges, 1024)]
+
+
+def measure_pairs():
+    """Return for each load median ns a pair, setup in us a polygon, and different answers."""
+    rng = np.random.default_rng(1)
+    for load, n in LOADS:
+        _measure_load(load, rng, n, 10, 1)  # whatever has to be compiled is compiled now
+    return [_measure_load(load, rng, n) for load, n in LOADS]
+
+
+def _measure_load(load, rng, n, count=20_000, repeats=7):
+    a, b = zip(*load(rng, count, n))
+    start = time.perf_counter()
+    ours = [PolygonSet(map(Polygon, side)) for side in (a, b)]
+    setup = time.perf_counter() - start
+    theirs = [np.array([shapely.Polygon(ring) for ring in side]) for side in (a, b)]
+    tasks = {'ours': partial(intersects_pairs, *ours),
+             'shapely': partial(shapely.intersects, *theirs)}
+    answers, others = (task() for task in tasks.values())
+    return {'load': load.__name__, 'vertices': n, 'wrong': int((answers != others).sum()),
+            'setup': setup / (2 * count) * 1e6,
+            **{name: 1e9 * seconds / count for name, seconds in medians(tasks, repeats).items()}}
 
 
 def measure():

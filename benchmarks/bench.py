@@ -10,7 +10,7 @@
 """
 Measure all and write docs/benchmarks: `make bench`.
 
-With --only but no parts the tables are made from the figures stored there.
+With --only but no parts tables and plots are made from the figures stored there.
 """
 
 import argparse
@@ -25,16 +25,16 @@ import replay
 import scene
 
 PACKAGES = 'numpy', 'numba', 'shapely', 'rclpy'
+PLOTS = {'kernel': scene.plot, 'node': node.plot}
 _US = {name: f'{name}_us' for name in ('reading', 'decoding', 'live', 'motion')}
 _KERNELS = {'monitor': 'numba', 'plain': 'plain Python'}
-
-
 MEASURES = {
     'kernel': scene.measure_pairs, 'scene': scene.measure, 'maps': scene.measure_maps,
     'plans': scene.measure_plans, 'node': node.measure, 'cpp': node.measure_cpp,
-    'whole_sets': node.measure_whole_sets, 'frames': node.measure_frames, 'other_frame': scene.measure_other_frame,
-    'startup': node.measure_startup, 'replay': replay.measure,
-    'collections': replay.measure_collections, 'damaged': replay.measure_damaged}
+    'whole_sets': node.measure_whole_sets, 'frames': node.measure_frames,
+    'other_frame': scene.measure_other_frame, 'startup': node.measure_startup,
+    'replay': replay.measure, 'collections': replay.measure_collections,
+    'damaged': replay.measure_damaged}
 
 
 def main():
@@ -57,6 +57,8 @@ def main():
                 figures[name] = found
     print(f'{time.perf_counter() - start:6.0f} s', file=sys.stderr)
     stored.write_text(json.dumps(figures, indent=1) + '\n')
+    for part, plot in PLOTS.items():
+        plot(figures[part], page.with_name(f'{part}.png'))
     page.write_text(with_tables(page.read_text(), TABLES, figures))
 
 

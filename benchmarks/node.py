@@ -29,6 +29,8 @@ from _shared import ROOT
 from builders import box, collection, serialised, transforms
 from discovery import discover_promptly
 from geometry_msgs.msg import PolygonStamped
+from matplotlib import pyplot
+from matplotlib.ticker import LogLocator
 import numpy as np
 import rclpy
 from std_msgs.msg import Bool
@@ -364,3 +366,24 @@ def measure_startup():
                 for _ in range(REPEATS)]
     warm, floor = map(statistics.median, zip(*runs))
     return {'cold_s': cold, 'warm_s': warm, 'floor_s': floor}
+
+
+def plot(figures, path):
+    """Draw processor time a message and latency against the number of obstacles."""
+    figure, axes = pyplot.subplots(1, 2, figsize=(9.6, 4.2), layout='constrained')
+    loads = [one for one in figures['loads'] if one['vertices'] == VERTICES[0]]
+    sizes = [one['obstacles'] for one in loads]
+    for (kind, title), style in zip(TITLES.items(), ('o-', 's--', '^:')):
+        axes[0].loglog(sizes, [one[kind]['cpu_us'] for one in loads], style, label=title)
+        axes[1].loglog(sizes, [one[kind]['p99_ms'] for one in loads], style, label=title)
+    axes[0].set(xlabel='obstacles at 10 Hz', ylabel='processor time a message [µs]')
+    axes[1].set(xlabel='obstacles at 10 Hz', ylabel='publish() to flag, 99 of 100 below [ms]')
+    for one in axes:
+        one.set_xticks(sizes, [f'{size:,}' for size in sizes])
+        one.yaxis.set_minor_locator(LogLocator(subs=(2, 3, 5)))
+        one.yaxis.set_major_formatter('{x:g}')
+        one.yaxis.set_minor_formatter('{x:g}')
+        one.grid(alpha=0.3, which='both')
+    figure.legend(*axes[0].get_legend_handles_labels(), loc='outside lower center', ncols=4)
+    figure.savefig(path, dpi=120)
+    pyplot.close(figure)

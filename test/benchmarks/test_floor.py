@@ -18,6 +18,7 @@ import pytest
 sys.path.append(str(ROOT / 'benchmarks'))
 
 rclpy = pytest.importorskip('rclpy')
+pytest.importorskip('matplotlib')
 
 import node  # noqa: E402, I100
 from traffic import Traffic  # noqa: E402, I100

@@ -26,7 +26,7 @@ import tempfile
 import time
 
 import _shared  # noqa: F401
-from builders import collection, SECOND
+from builders import collection, SECOND, serialised
 from mcap.reader import make_reader
 import numpy as np
 from recordings import COLLECTION, nanoseconds, POLYGON, START, write
@@ -57,7 +57,8 @@ def measure(messages=200_000):
         drive = [*_drive(_outlines(size, 40, 8), messages // (size + 1))]
         its = {**tasks, 'mcap_us': _read_with_mcap} if storage == 'mcap' else tasks
         rows.append({'storage': storage.upper(), 'obstacles': size,
-                     **_timed(its, len(drive), 3, drive, storage)})
+                     **_timed(its, len(drive), 3, partial(
+                         write, messages=drive, storage=storage))})
     return rows
 
 
@@ -66,16 +67,16 @@ def measure_collections(frames=3000):
     outlines = _outlines(1000, 400, 1)
     tasks = {'mcap_us': _read_with_mcap, 'motion_us': check,
              'live_us': partial(check, options=Options(as_live=True))}
-    return {'obstacles': len(outlines), **_timed(
-        tasks, frames, 5, _drive(outlines, frames, in_one_message=True),
-        types={'/obstacles': COLLECTION})}
+    return {'obstacles': len(outlines), **_timed(tasks, frames, 5, partial(
+        write_mcap, messages=_drive(outlines, frames, in_one_message=True), chunk_size=2**20,
+        types={'/obstacles': COLLECTION}))}
 
 
-def _timed(tasks, count, runs, messages, storage='mcap', **options):
+def _timed(tasks, count, runs, write_to):
     """Return the least processor time of each task on a recording, in µs of each of `count`."""
     least = dict.fromkeys(tasks, float('inf'))
     with tempfile.TemporaryDirectory() as folder:
-        path = write(Path(folder, 'drive'), messages, storage, **options)
+        path = write_to(Path(folder, 'drive.mcap'))
         for _ in range(runs):
             for name, task in tasks.items():
                 begun = time.process_time()
@@ -87,11 +88,14 @@ def _timed(tasks, count, runs, messages, storage='mcap', **options):
 def _drive(outlines, frames, in_one_message=False):
     """Yield messages of a robot among obstacles, all of which drift, ten frames a second."""
     for frame in range(frames):
+        time = frame / 10
+        stamp = nanoseconds(time)
         drift = np.array([np.sin(frame / 300), np.cos(frame / 300)])
-        yield '/footprint', frame / 10, _ROBOT + 2 * drift
+        yield '/footprint', time, _ROBOT + 2 * drift
         moved = [outline + 0.1 * drift for outline in outlines]
-        for body in [collection(moved, nanoseconds(frame / 10))] if in_one_message else moved:
-            yield '/obstacles', frame / 10, body
+        for k, data in enumerate([collection(moved, stamp)] if in_one_message else [
+                serialised(outline, stamp) for outline in moved], 1):
+            yield '/obstacles', time + k * 1e-9, data
 
 
 def _outlines(count, farthest, kinds):
@@ -109,7 +113,7 @@ def _read_all(path, decode=False):
 
 
 def _read_with_mcap(path):
-    for _ in _mcap(storage_file(path)):
+    for _ in _mcap(storage_file(path) if path.is_dir() else path):
         pass
 
 

@@ -35,7 +35,8 @@ def storage_file(bag):
     return file
 
 
-def write_mcap(path, messages, chunk_size=2000, compression='', indexes='ALL', **options):
+def write_mcap(path, messages, chunk_size=2000, compression='', indexes='ALL', types=None,
+               **options):
     """Write (topic, seconds, points) to an MCAP file with checksums and indexes; return it."""
     mcap = pytest.importorskip('mcap.writer')
     with path.open('wb') as file:
@@ -43,11 +44,13 @@ def write_mcap(path, messages, chunk_size=2000, compression='', indexes='ALL', *
                              mcap.CompressionType[compression.upper() or 'NONE'],
                              mcap.IndexType[indexes], **options)
         writer.start('ros2')
-        schema = writer.register_schema(POLYGON, 'ros2msg', b'')
-        channels = {}
+        schemas, channels = {}, {}
         for topic, time, content in messages:
             if topic not in channels:
-                channels[topic] = writer.register_channel(topic, 'cdr', schema)
+                kind = (types or {}).get(topic, POLYGON)
+                if kind not in schemas:
+                    schemas[kind] = writer.register_schema(kind, 'ros2msg', b'')
+                channels[topic] = writer.register_channel(topic, 'cdr', schemas[kind])
             stamp = nanoseconds(time)
             data = content if isinstance(content, bytes) else serialised(content, stamp)
             writer.add_message(channels[topic], stamp, data, stamp)

@@ -61,6 +61,13 @@ def test_static_map(start, tmp_path, at_once):
     assert publisher.get_subscription_count() == 1
 
 
+@pytest.mark.parametrize('outlines', ([box(0.0), [], box(5.0)], [box(0.0), []], [[]]))
+def test_map_with_an_empty_outline_is_refused(outlines):
+    """Sent, it would end the set, and all outlines before it would be lost."""
+    with pytest.raises(ValueError, match='outline'):
+        functions('A static map').publish_map(None, outlines)
+
+
 def test_zones_of_vda_5050(start, tmp_path):
     """Blocked zones stop the robot, others do not; the next set replaces them."""
     monitor = start(parameters_of_a_map(tmp_path))
@@ -88,13 +95,13 @@ def test_zones_of_vda_5050(start, tmp_path):
 
 
 def test_costmap_converter(start):
-    """A closed ring, a line, a point, a disc and an empty outline, without a frame."""
+    """A closed ring, a line, a point and a disc, without a frame."""
     monitor = start()
     to_set = functions('costmap_converter').to_set
     ring = box(5.0)
 
     def state_is(state, x):
-        outlines = [*ring, ring[0]], [(8.0, 0.0), (9.0, 0.0)], [(12.0, 0.5)], [(15.0, 0.5)], []
+        outlines = [*ring, ring[0]], [(8.0, 0.0), (9.0, 0.0)], [(12.0, 0.5)], [(15.0, 0.5)]
         message = SimpleNamespace(header=Header(stamp=to_time(monitor.now())), obstacles=[
             SimpleNamespace(polygon=Polygon(points=[Point32(x=x, y=y) for x, y in outline]),
                             radius=1.5 if outline == [(15.0, 0.5)] else 0.0)
@@ -108,6 +115,15 @@ def test_costmap_converter(start):
                      (11.5, 'collision'), (12.5, 'collision'), (16.4, 'collision'),
                      (2.0, 'clear')):
         monitor.until(lambda: state_is(state, x), f'{state} at {x}', 60.0)
+
+
+@pytest.mark.parametrize('radius', (0.0, 1.5))
+def test_costmap_converter_without_points_is_refused(radius):
+    """What has no place is no reason to call it clear."""
+    message = SimpleNamespace(header=Header(), obstacles=[
+        SimpleNamespace(polygon=Polygon(), radius=radius)])
+    with pytest.raises(ValueError):
+        functions('costmap_converter').to_set(message, 'map')
 
 
 def test_plan_of_the_picture_is_free_but_for_a_turn_that_touches():

@@ -14,7 +14,8 @@ it bends, so that no piece is thicker than `thickness`, and the convex hull of e
 published: a wall around the robot stays a ring of thin pieces. All have the stamp and the frame of
 the scan. With the parameter `in_one_message` a set is one polygon_msgs/Polygon2DCollection, for a
 source with `type: polygon_collection`; otherwise each piece is a PolygonStamped, and an empty one
-ends the set, for a source with `set_end: empty_polygon`.
+ends the set, for a source with `set_end: empty_polygon`. A scan that cannot be read ends the node,
+and so makes the source unknown.
 """
 
 from contextlib import suppress
@@ -70,7 +71,8 @@ def outlines(scan, gap, thickness):
     Parameters
     ----------
     scan : sensor_msgs.msg.LaserScan
-        Values that are not between range_min and range_max are no returns.
+        What is nearer than range_min, as -inf is, is too near to measure, and taken to be at
+        range_min. NaN, inf and what is beyond range_max are no returns.
     gap, thickness : float
         In metres, see above.
 
@@ -80,35 +82,51 @@ def outlines(scan, gap, thickness):
         Convex, counterclockwise, in the frame of the scan; one or two points for a point or a
         segment.
 
+    Raises
+    ------
+    ValueError
+        If the scan has no ranges, or angles or limits that cannot be.
+
     """
-    ranges = np.array(scan.ranges)
+    if not (len(scan.ranges) and 0.0 <= scan.range_min < scan.range_max
+            and math.isfinite(scan.angle_min) and math.isfinite(scan.angle_increment)):
+        raise ValueError(f'a scan of {len(scan.ranges)} ranges, limits {scan.range_min} and '
+                         f'{scan.range_max} m, from the angle {scan.angle_min} in steps of '
+                         f'{scan.angle_increment}, cannot be read')
+    ranges = np.maximum(scan.ranges, scan.range_min)
     angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
     if abs(scan.angle_increment) * len(ranges) > 2.0 * math.pi - 1e-3:
         # A full turn: a surface at the end of the scan continues at its beginning.
         ranges, angles = (np.append(values, values[:1]) for values in (ranges, angles))
-    ranges[~((ranges >= scan.range_min) & (ranges <= scan.range_max))] = np.nan
+    returns = np.flatnonzero(np.isfinite(ranges) & (ranges <= scan.range_max))
+    ranges, angles = ranges[returns], angles[returns]
     # Rounded as in the message: otherwise rounding could turn a hull into no valid polygon.
     points = np.float32([ranges * np.cos(angles), ranges * np.sin(angles)]).T.astype(float)
-    steps = np.hypot(*np.diff(points, axis=0).T)
-    surfaces = np.split(points, np.flatnonzero(~(steps <= gap)) + 1)
-    return [hull(piece) for surface in surfaces if np.isfinite(surface).all()
+    are_near = (np.hypot(*np.diff(points, axis=0).T) <= gap) & (np.diff(returns) == 1)
+    surfaces = np.split(points, np.flatnonzero(~are_near) + 1)
+    return [hull(piece) for surface in surfaces if len(surface)
             for piece in pieces(surface, thickness)]
 
 
 def pieces(points, thickness):
     """Split points in a row at the one furthest from the chord, until all are near to theirs."""
-    chord = points[-1] - points[0]
-    offsets = points - points[0]
-    length = np.hypot(*chord)
-    if length > 0.0:
-        distances = np.abs(chord[0] * offsets[:, 1] - chord[1] * offsets[:, 0]) / length
-    else:
-        distances = np.hypot(*offsets.T)
-    furthest = int(np.argmax(distances))
-    if distances[furthest] <= 0.5 * thickness:
-        return [points]
-    # Both have the point of the bend, so that there is no gap between them.
-    return pieces(points[:furthest + 1], thickness) + pieces(points[furthest:], thickness)
+    found, start, ends = [], 0, [len(points) - 1]
+    while ends:
+        offsets = points[start:ends[-1] + 1] - points[start]
+        chord = offsets[-1]
+        length = np.hypot(*chord)
+        if length > 0.0:
+            distances = np.abs(chord[0] * offsets[:, 1] - chord[1] * offsets[:, 0]) / length
+        else:
+            distances = np.hypot(*offsets.T)
+        furthest = int(np.argmax(distances))
+        if distances[furthest] > max(0.0, 0.5 * thickness):
+            ends.append(start + furthest)
+        else:
+            # The next one has the point of the bend, too, so that there is no gap between them.
+            found.append(points[start:ends[-1] + 1])
+            start = ends.pop()
+    return found
 
 
 def hull(points):

@@ -9,6 +9,7 @@
 
 """The example that converts laser scans to obstacles."""
 
+import math
 from pathlib import Path
 import sys
 
@@ -73,11 +74,43 @@ def test_wall_has_no_gap_where_the_scan_begins():
     assert seen.geom_type == 'Polygon' and len(seen.interiors) == 1
 
 
-def test_ranges_out_of_bounds_are_no_returns():
-    """Nor is NaN."""
-    scan = LaserScan(angle_increment=0.1, range_min=0.1, range_max=5.0,
-                     ranges=[0.05, 1.0, float('nan'), 6.0, float('inf'), 2.0])
-    assert [len(outline) for outline in outlines(scan, 0.2, 0.1)] == [1, 1]
+@pytest.mark.parametrize('value, seen', (
+    (0.05, 0.1), (0.0, 0.1), (-math.inf, 0.1), (0.1, 0.1), (1.0, 1.0), (5.0, 5.0),
+    (6.0, None), (math.inf, None), (math.nan, None)))
+def test_what_is_too_near_to_measure_is_at_range_min(value, seen):
+    """What is too far is no return, nor is NaN."""
+    scan = LaserScan(range_min=0.1, range_max=5.0, ranges=[value])
+    assert [ring.tolist() for ring in outlines(scan, 0.2, 0.1)] == (
+        [] if seen is None else [[[np.float32(seen), 0.0]]])
+
+
+@pytest.mark.parametrize('range_max', (5.0, math.inf))
+def test_no_return_parts_surfaces(range_max):
+    """The beams beside it are no neighbours, however near to each other."""
+    scan = LaserScan(angle_increment=0.01, range_min=0.1, range_max=range_max,
+                     ranges=[1.0, 1.0, math.nan, 1.0, math.inf, math.inf])
+    assert [len(ring) for ring in outlines(scan, 0.2, 0.1)] == [2, 1]
+
+
+@pytest.mark.parametrize('fields', (
+    {'angle_min': math.nan}, {'angle_min': math.inf}, {'angle_increment': math.nan},
+    {'angle_increment': -math.inf}, {'range_min': -0.1}, {'range_min': math.nan},
+    {'range_min': 5.0}, {'range_min': math.inf, 'range_max': math.inf}, {'range_max': 0.0},
+    {'range_max': math.nan}, {'ranges': []}), ids=str)
+def test_scan_that_cannot_be_read_is_refused(fields):
+    """An empty set would say that all is clear."""
+    good = {'angle_min': 0.0, 'angle_increment': 0.1, 'range_min': 0.1, 'range_max': 5.0,
+            'ranges': [1.0, 1.0]}
+    assert outlines(LaserScan(**good), 0.2, 0.1)
+    with pytest.raises(ValueError, match='scan'):
+        outlines(LaserScan(**good | fields), 0.2, 0.1)
+
+
+def test_jagged_surface_is_split_at_each_tooth():
+    """More often than functions may call each other."""
+    scan = LaserScan(angle_increment=1e-4, range_min=0.1, range_max=5.0,
+                     ranges=[2.0, 2.17] * 1000)
+    assert len(outlines(scan, 0.2, 0.1)) > 1500
 
 
 @pytest.fixture(params=(False, True), ids=('one by one', 'in one message'))

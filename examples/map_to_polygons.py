@@ -13,8 +13,8 @@ A cell is occupied from `occupied_from` per cent on. A cell that is unknown (-1)
 unless `unknown_is_occupied` is false. With the parameter `in_one_message` a set is one
 polygon_msgs/Polygon2DCollection, for a source with `type: polygon_collection`; otherwise each
 rectangle is a PolygonStamped, and an empty one ends the set, for a source with
-`set_end: empty_polygon`. A map that contradicts itself ends the node, and so makes the source
-unknown.
+`set_end: empty_polygon`. A map that cannot be right, or is tilted, ends the node, and so makes the
+source unknown.
 """
 
 from contextlib import suppress
@@ -39,6 +39,8 @@ class MapToPolygons(Node):
     def __init__(self):
         super().__init__('map_to_polygons')
         self._occupied_from = self.declare_parameter('occupied_from', 65).value
+        if not 0 <= self._occupied_from <= 100:
+            raise ValueError(f'occupied_from is not 0 to 100: {self._occupied_from}')
         self._unknown_is_occupied = self.declare_parameter('unknown_is_occupied', True).value
         if self.declare_parameter('in_one_message', False).value:
             from polygon_msgs.msg import Polygon2DCollection
@@ -49,10 +51,10 @@ class MapToPolygons(Node):
         self.create_subscription(OccupancyGrid, 'map', self._convert, latched(1))
 
     def _convert(self, grid):
-        cells = np.array(grid.data, dtype=np.int8).reshape(grid.info.height, grid.info.width)
+        cells = cells_of(grid)
         occupied = cells >= self._occupied_from
         if self._unknown_is_occupied:
-            occupied |= cells < 0
+            occupied |= cells == -1
         found = corners(rectangles(occupied), grid.info)
         self._publish(grid.header, found.tolist())
         self.get_logger().info(f'occupied cells: {np.count_nonzero(occupied)}, '
@@ -68,6 +70,39 @@ class MapToPolygons(Node):
             message = PolygonStamped(header=header)
             message.polygon.points = [Point32(x=x, y=y) for x, y in outline]
             self._polygons.publish(message)
+
+
+def cells_of(grid):
+    """
+    Return the cells of a map, row by row.
+
+    Parameters
+    ----------
+    grid : nav_msgs.msg.OccupancyGrid
+
+    Returns
+    -------
+    (height, width) ndarray of int8
+
+    Raises
+    ------
+    ValueError
+        If they are none, more or fewer than the size says, or not -1 to 100; or if the resolution
+        or the origin cannot be, or the map is tilted.
+
+    """
+    info = grid.info
+    cells = np.array(grid.data, dtype=np.int8).reshape(info.height, info.width)
+    if not (cells.size and cells.min() >= -1 and cells.max() <= 100):
+        raise ValueError('the map has no cells, or some that are not -1 to 100')
+    if not 0.0 < info.resolution < math.inf:
+        raise ValueError(f'the resolution of the map is {info.resolution}')
+    place, turn = info.origin.position, info.origin.orientation
+    norm = math.hypot(turn.x, turn.y, turn.z, turn.w)
+    if not (math.isfinite(place.x) and math.isfinite(place.y) and 0.0 < norm < math.inf
+            and math.hypot(turn.x, turn.y) <= 0.01 * norm):
+        raise ValueError(f'the origin of the map is tilted, or no pose: {info.origin}')
+    return cells
 
 
 def latched(depth):
@@ -115,7 +150,7 @@ def corners(found, info):
     found : (n, 4) ndarray of int
         By `rectangles`.
     info : nav_msgs.msg.MapMetaData
-        Its resolution and its origin, the corner of the first cell; a tilt is ignored.
+        Its resolution and its origin, the corner of the first cell.
 
     Returns
     -------

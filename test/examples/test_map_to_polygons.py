@@ -30,7 +30,7 @@ ROOT = Path(__file__).resolve().parents[2]
 EXAMPLE = ROOT / 'examples' / 'map_to_polygons.py'
 sys.path.append(str(ROOT / 'examples'))
 
-from map_to_polygons import corners, rectangles  # noqa: E402, I100
+from map_to_polygons import cells_of, corners, rectangles  # noqa: E402, I100
 
 SHAPES = (0, 0), (0, 3), (3, 0), (1, 1), (1, 9), (9, 1), (2, 2), (7, 12), (12, 7), (30, 30)
 
@@ -73,6 +73,39 @@ def test_cells_are_where_resolution_and_origin_say(yaw):
         middle = complex(3.0, -4.0) + 0.5 * complex(column + 0.5, row + 0.5) * complex(
             math.cos(yaw), math.sin(yaw))
         assert solid.contains(shapely.Point(middle.real, middle.imag)) == occupied[row, column]
+
+
+TILTED = Pose(orientation=Quaternion(x=0.02, w=1.0))
+
+
+def test_cells_are_read_row_by_row():
+    """Where the origin is turned, and tilted by no more than rounding does."""
+    info = map_info(2, 1, yaw=1.0)
+    info.origin.orientation.y = 0.001
+    assert cells_of(OccupancyGrid(info=info, data=[-1, 100])).tolist() == [[-1, 100]]
+
+
+@pytest.mark.parametrize('fields, data', (
+    ({}, [0]), ({}, [0, 0, 0]), ({}, [0, 101]), ({}, [-2, 0]), ({'width': 0}, []),
+    ({'width': 2, 'height': 0}, []), ({'resolution': 0.0}, [0, 0]),
+    ({'resolution': -0.05}, [0, 0]), ({'resolution': math.inf}, [0, 0]),
+    ({'resolution': math.nan}, [0, 0]), ({'origin': TILTED}, [0, 0]),
+    ({'origin': Pose(position=Point(y=math.nan))}, [0, 0]),
+    ({'origin': Pose(orientation=Quaternion(w=0.0))}, [0, 0]),
+    ({'origin': Pose(orientation=Quaternion(z=math.nan))}, [0, 0])))
+def test_map_that_contradicts_itself_is_refused(fields, data):
+    """Its cells are too few or too many, or no per cent, or nowhere, or not in the plane."""
+    info = MapMetaData(**{'width': 2, 'height': 1, 'resolution': 0.5} | fields)
+    with pytest.raises(ValueError):
+        cells_of(OccupancyGrid(info=info, data=data))
+
+
+@pytest.mark.parametrize('bound', (-1, 101))
+def test_bound_that_is_no_per_cent_is_refused(run, bound):
+    """No cell, or each one, would be occupied."""
+    process = run(EXAMPLE, '--ros-args', '-p', f'occupied_from:={bound}',
+                  stderr=subprocess.PIPE, text=True)
+    assert 'ValueError: occupied_from' in process.communicate(timeout=60)[1]
 
 
 @pytest.mark.parametrize('in_one_message', (False, True), ids=('one by one', 'in one message'))

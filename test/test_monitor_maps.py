@@ -12,11 +12,11 @@
 from dataclasses import replace
 
 from builders import box, serialised
+from driving import Robot, SETS, SETTINGS, switch
 from monitors import START
 import pytest
 from sat_collision.messages.transform_listener import TF, TF_STATIC
 from sat_collision.scene.streams import Endpoint
-from test_monitor_frames import Robot, SETS, SETTINGS, switch
 
 MAP = replace(SETS, obstacles=(replace(SETS.obstacles[0], timeout=0.0),))
 

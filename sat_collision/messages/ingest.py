@@ -414,9 +414,9 @@ class Ingest:
     def _note_alive(self, name: str, now: int, stamp: int | None, instance: int | None,
                     refusal: str = '') -> None:
         """
-        For recorded motion: a refused message shows that its publisher is alive.
+        Let recorded motion know by a refused message that its publisher is alive, as live.
 
-        If it has an id, or is one too many where nothing ends a listing.
+        That is by one with an id, and by one too many where nothing ends a listing.
         """
         if self._placements is not None and stamp is not None and stamp <= now and (
                 instance or refusal == TOO_MANY and (

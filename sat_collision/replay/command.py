@@ -127,8 +127,8 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
     """Raise OSError where a path is an input or another output, or cannot be written."""
     several, plot, write_bag = len(arguments.bags) > 1, arguments.plot, arguments.write_bag
     if write_bag:
-        for bag in ([Path(write_bag, name_for_outputs(bag)) for bag in arguments.bags] if several
-                    else [Path(write_bag)]):
+        written = [Path(write_bag, name_for_outputs(path)) for path in arguments.bags]
+        for bag in written if several else [Path(write_bag)]:
             if bag.exists():
                 raise OSError(f'--write-bag: {bag} already exists')
         check_bag_writer()

@@ -82,7 +82,7 @@ class Recording(Storage):
 
     @property
     def content(self) -> str | None:
-        """A digest of some of the messages read, the same for any storage; None without any."""
+        """The digest of messages read to be digested, the same for any storage; None without."""
         if not self._sums:
             return None
         return hashlib.sha256(repr(sorted(self._sums.items())).encode()).hexdigest()[:16]

@@ -127,13 +127,18 @@ def test_set_that_one_ends_all_of_which_is_refused_is_not_whole(tmp_path, later)
     assert since(result, result.undetermined[0].first) == [pytest.approx(0.6)]
 
 
-def test_outline_that_crosses_itself_where_it_meets_something_is_undetermined(tmp_path):
-    """An L turns by 221 degrees between two messages, and passes a box."""
+@pytest.mark.parametrize('place, moments', [((0.0, 0.0), []), ((-0.5, -2.0), [0.305944724])])
+def test_outline_that_crosses_itself_where_it_meets_something_is_undetermined(
+        tmp_path, place, moments):
+    """An L turns by 221 degrees between two messages; it may be valid as it meets a box."""
     shape = np.array([(-1, -1), (1, -1), (1, -0.8), (-0.8, -0.8), (-0.8, 1), (-1, 1)])
     c, s = math.cos(3.8577), math.sin(3.8577)
     ends = shape + [0.5, -3.5], shape @ [(c, s), (-s, c)] + [0.5, 4.5]
+    met = np.add(box(0.0, size=0.3), place).tolist()
     messages = [message for k in range(8) for message in (
-        at(k / 10, ends[k > 3].tolist(), 0.0, '/footprint'), at(k / 10, box(0.0, size=0.3)))]
+        at(k / 10, ends[k > 3].tolist(), 0.0, '/footprint'), at(k / 10, met))]
     result = run(tmp_path, messages)
-    assert result.contacts == [] and result.verdict is Verdict.UNKNOWN
     assert result.footprints[0].undetermined == SECOND // 10
+    assert [since(result, one.first, one.last, one.deepest) for one in result.contacts] == [
+        pytest.approx([moment] * 3) for moment in moments]
+    assert result.verdict is (Verdict.COLLISION if moments else Verdict.UNKNOWN)

@@ -11,9 +11,8 @@
 How fast recordings are checked beside reading them, and what is found in damaged ones.
 
 The recording of the first has a robot that drives among obstacles, a set of polygons ten times a
-second; figures are processor time. That of the second has a robot that an obstacle touches again
-and again; it is damaged at random, and the same check counts the contacts in what each library
-reads until its first error.
+second. That of the second has a robot that an obstacle touches again and again; it is damaged at
+random, and the same check counts the contacts in what each library reads until its first error.
 """
 
 from collections.abc import Iterator
@@ -73,15 +72,15 @@ def measure_collections(frames=3000):
 
 
 def _timed(tasks, count, runs, write_to):
-    """Return the least processor time of each task on a recording, in µs of each of `count`."""
+    """Return the least time of each task on a recording, in µs of each of `count`."""
     least = dict.fromkeys(tasks, float('inf'))
     with tempfile.TemporaryDirectory() as folder:
         path = write_to(Path(folder, 'drive.mcap'))
         for _ in range(runs):
             for name, task in tasks.items():
-                begun = time.process_time()
+                begun = time.perf_counter()
                 task(path)
-                least[name] = min(least[name], time.process_time() - begun)
+                least[name] = min(least[name], time.perf_counter() - begun)
     return {name: 1e6 * seconds / count for name, seconds in least.items()}
 
 

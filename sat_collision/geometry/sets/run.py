@@ -19,6 +19,7 @@ from sat_collision.geometry.body.layout import (
     bounds_in, box_gap, HEADER, packed_polygon, packed_size, rows_of, SCAN_LIMIT)
 from sat_collision.geometry.body.packing import (
     CONVEX, DOUBLE, move, PAIR, plain_turn, TRIPLE, WORD, write_inner_disc, write_packed)
+from sat_collision.geometry.body.polygon import UNMOVED
 from sat_collision.geometry.compiled.floating_point import require_nearest
 from sat_collision.geometry.compiled.jit import (
     beyond, elements, inlined, inner, kernel, numbers_of)
@@ -68,8 +69,9 @@ def write_run(run, set_array, rows, row, limit, others, margin):
     if room < packed_size(max_vertices + 1):
         raise ValueError('the workspace of a run is too small')
     packed = elements(packed)
-    points, ring, walk = beyond(packed, room), beyond(packed, 2 * room), beyond(packed, 3 * room)
+    moved, ring, walk = beyond(packed, room), beyond(packed, 2 * room), beyond(packed, 3 * room)
     few = 0 if margin == ALONE else min(max_vertices, SCAN_LIMIT)
+    as_received = in_one and affine == UNMOVED
     for k in range(count):
         if rows[row + k] < 0:
             return k
@@ -91,10 +93,11 @@ def write_run(run, set_array, rows, row, limit, others, margin):
             start = at + header + 1
         if not same:
             return k
-        if in_one:
-            move(doubles, start, PAIR, received, affine, points)
-        else:
-            move(floats, start, TRIPLE, received, affine, points)
+        points = beyond(doubles, start) if as_received else moved
+        if not in_one:
+            move(floats, start, TRIPLE, received, affine, moved)
+        elif not as_received:
+            move(doubles, start, PAIR, received, affine, moved)
         if received <= few and _write_plain(points, received, table, rows[row + k], near, margin):
             continue
         verdict, vertices, _, _, _ = write_packed(points, received, ring, walk, packed,

@@ -13,7 +13,9 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from itertools import groupby, zip_longest
 import os
 from pathlib import Path
@@ -139,11 +141,19 @@ class McapFile(Storage):
                         if chunk.last >= pending.first and chunk.first < pending.last
                         or not chunk.last)
         read: Counter[int] = Counter()
-        for chunk, following in zip_longest(chunks, chunks[1:]):
-            _, channels = self._load(chunk, pending, faults)
-            pending.places += [chunk.at] * (len(pending.times) - len(pending.places))
-            read.update(channels)
-            yield from pending.take(following.first if following else 2**64)
+        ahead: Future[bytes] | None = None
+        # A thread reads the next chunk, decompresses and verifies it without the interpreter lock.
+        with ThreadPoolExecutor(1) as reader:
+            for chunk, following in zip_longest(chunks, chunks[1:]):
+                room = self._max_bytes - sum(map(len, pending.messages))
+                content = (ahead or reader.submit(self._content, chunk, room)).result
+                room -= chunk.plain
+                ahead = (reader.submit(self._content, following, room)
+                         if following and following.plain <= room else None)
+                _, channels = self._load(chunk, content, pending, faults)
+                pending.places += [chunk.at] * (len(pending.times) - len(pending.places))
+                read.update(channels)
+                yield from pending.take(following.first if following else 2**64)
         if start is None and stop is None:
             self._compare(read, 'can be read')
             self._is_surveyed = True
@@ -159,22 +169,23 @@ class McapFile(Storage):
         self._is_surveyed = True
         found: Counter[int] = Counter()
         for chunk in self._chunks:
-            times, channels = self._load(chunk, _Pending({}, 0, 0), self._faults)
+            content = partial(self._content, chunk, self._max_bytes)
+            times, channels = self._load(chunk, content, _Pending({}, 0, 0), self._faults)
             found.update(channels)
             if times:
                 self._extend(min(times), max(times))
         self._compare(found, 'can be read')
         return found
 
-    def _load(self, chunk: Chunk, pending: _Pending, faults: Faults
-              ) -> tuple[list[int], list[int]]:
+    def _load(self, chunk: Chunk, content: Callable[[], bytes], pending: _Pending,
+              faults: Faults) -> tuple[list[int], list[int]]:
         """Return times and channels of all messages of a chunk, recording its faults."""
         begun = len(pending.times)
         times: list[int] = []
         channels: list[int] = []
         problem = ''
         try:
-            self._fill(chunk, pending, times, channels)
+            self._fill(chunk, content(), pending, times, channels)
         except Damage as damage:
             problem = str(damage)
         times += pending.times[begun:]
@@ -190,10 +201,9 @@ class McapFile(Storage):
             faults.damaged(f'{where}it has messages of another time than it announces')
         return times, channels
 
-    def _fill(self, chunk: Chunk, pending: _Pending, times: list[int],
+    def _fill(self, chunk: Chunk, content: bytes, pending: _Pending, times: list[int],
               channels: list[int]) -> None:
         """Add the messages of a chunk up to any damage, those not wanted to the lists."""
-        content = self._content(chunk, sum(map(len, pending.messages)))
         topics, first, last = pending.topics, pending.first, pending.last
         add_time, add_channel, add_message = (
             pending.times.append, pending.channels.append, pending.messages.append)
@@ -227,9 +237,11 @@ class McapFile(Storage):
                 self._define(kind, content[at:at + size], chunk.where)
             at += size
 
-    def _content(self, chunk: Chunk, held: int) -> bytes:
-        if chunk.plain + held > self._max_bytes:
-            raise Damage(f'{chunk.plain + held} bytes at once: allow more with --max-memory')
+    def _content(self, chunk: Chunk, room: int) -> bytes:
+        """Return the verified data of a chunk; raise Damage if they need more than the room."""
+        if chunk.plain > room:
+            raise Damage(f'{chunk.plain + self._max_bytes - room} bytes at once: allow more with '
+                         '--max-memory')
         content = unpacked(self._read(chunk.at, chunk.size), chunk.compression, chunk.plain)
         if len(content) != chunk.plain:
             raise Damage(f'{chunk.plain} bytes announced, it holds {len(content)}')

@@ -66,7 +66,7 @@ def measure_collections(frames=3000):
     outlines = _outlines(1000, 400, 1)
     tasks = {'mcap_us': _read_with_mcap, 'motion_us': check,
              'live_us': partial(check, options=Options(as_live=True))}
-    return {'obstacles': len(outlines), **_timed(tasks, frames, 5, partial(
+    return {'obstacles': len(outlines), **_timed(tasks, frames, 9, partial(
         write_mcap, messages=_drive(outlines, frames, in_one_message=True), chunk_size=2**20,
         types={'/obstacles': COLLECTION}))}
 

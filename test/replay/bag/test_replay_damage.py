@@ -370,6 +370,12 @@ def test_overlapping_chunks_respect_the_memory_limit(tmp_path):
     assert '--max-memory' in few
 
 
+def test_chunks_too_large_to_be_held_two_at_a_time_are_read(tmp_path):
+    """The next one is not read ahead then."""
+    file = write_mcap(tmp_path / 'a.mcap', CLEAR, chunk_size=10_000)
+    assert check(file, Options(limits=Limits(memory=8 * 15_000))).problems == []
+
+
 def test_sqlite_pages_linked_to_a_cycle_are_bad_input(tmp_path):
     """A row of 2 MB announces 100 MB."""
     file = tmp_path / 'a.db3'

@@ -255,30 +255,36 @@ class ContactTracker:
                 first = pair.end
             contact = self._contacts.begin(pair.name, first)
             contact.between[0] = pair.begin if first > pair.begin else None
+        begun = max(contact.first, pair.begin)
+        last: int | None = pair.end
+        fault = None
+        if not touches:
+            try:
+                last = self._first(pair.backwards())
+            except PolygonError as error:
+                fault, last = error, None
+        contact.last = begun if last is None else max(begun, last)
+        measured = []
+        if not touches or not pair.stays(own, other):
+            for time in (*_between(begun, contact.last), begun):
+                try:
+                    bodies = pair.at(time)
+                    measured.append((0.0 - separation(*bodies), time, bodies))
+                except PolygonError as error:
+                    fault = error
+            depth, time, bodies = min(measured, key=itemgetter(0))
+            if depth < -self._margin - _TOLERANCE and time > begun and (touches or not fault):
+                self._cross(pair._replace(end=time), contact)
+                return self._cross(pair._replace(begin=time), None)
+            depth, time, bodies = max(measured, key=itemgetter(0))
+            # Not less than for touching: the sweep reports contact within its tolerance.
+            self._contacts.deepen(contact, pair.name, max(depth, 0.0 - self._margin), time, bodies)
         if touches:
-            contact.last = pair.end
             if pair.ends_at_a_sample:
                 contact.found = AT_A_SAMPLE
             self._contacts.deepen(contact, pair.end_name, 0.0 - value, pair.end, (own, other))
             return contact
-        fault = last = None
-        try:
-            last = self._first(pair.backwards())
-        except PolygonError as error:
-            fault = error
-        begun = max(contact.first, pair.begin)
-        contact.last = begun if last is None else max(begun, last)
         contact.between[1] = pair.end
-        measured = []
-        for time in (*_between(begun, contact.last), begun):
-            try:
-                bodies = pair.at(time)
-                measured.append((0.0 - separation(*bodies), time, bodies))
-            except PolygonError as error:
-                fault = error
-        depth, time, bodies = max(measured, key=itemgetter(0))
-        # Not less than for touching: the sweep reports contact within its tolerance.
-        self._contacts.deepen(contact, pair.name, max(depth, 0.0 - self._margin), time, bodies)
         if fault:
             raise fault
         return None
@@ -357,6 +363,11 @@ class _Pair(NamedTuple):
 
     def backwards(self) -> _Pair:
         return self._replace(begin=self.end, end=self.begin)
+
+    def stays(self, own: Polygon, other: Polygon) -> bool:
+        """Return whether bodies that touch at both ends do so in between, or turn very far."""
+        return own.is_convex and other.is_convex or not (
+            self.link.motion.moved[0] or self.motion.moved[self.i])
 
     def at(self, time: int) -> tuple[Polygon, Polygon]:
         return self.link.motion.polygon(0, time), self.motion.polygon(self.i, time)

@@ -512,16 +512,19 @@ def test_part_of_a_recording_is_selected_by_stamps(tmp_path):
         assert since(result, result.end) == [pytest.approx(4.5, abs=0.1)]
 
 
-def test_deepest_moment_with_a_non_convex_obstacle(tmp_path):
-    """Between two messages the robot passes both prongs of a U; half way they are apart."""
+def test_robot_passes_both_prongs_of_a_fork_between_two_messages(tmp_path):
+    """These are two contacts: half way they are apart, which is no undetermined time."""
     fork = [(0, -2), (1, -2), (1, 1), (0.75, 1), (0.75, -1), (0.25, -1), (0.25, 1), (0, 1)]
     messages = [message for k in range(21) for message in (
         at(k / 10, box(-20.0 if k < 10 else 20.0, 0.0, 0.125), topic='/footprint'),
         at(k / 10, fork), at(k / 10, []))]
-    contact, = check(write(tmp_path / 'bag', messages)).contacts
-    x = -20.0 + 400.0 * (contact.deepest - START - 0.9 * SECOND) / SECOND
-    assert -0.125 < x < 0.25 or 0.625 < x < 1.0
-    assert contact.depth > 0.0
+    result = check(write(tmp_path / 'bag', messages))
+    for contact, left, right in zip(result.contacts, (0.0, 0.75), (0.25, 1.0), strict=True):
+        first, deepest, last = (-20.0 + 400.0 * ((time - START) / SECOND - 0.9)
+                                for time in (contact.first, contact.deepest, contact.last))
+        assert (first, last) == pytest.approx((left - 0.125, right), abs=1e-5)
+        assert first < deepest < last and contact.depth > 0.0
+    assert result.footprints[0].undetermined == 0
 
 
 def test_first_polygons_of_too_large_a_collection_count(tmp_path):

@@ -61,16 +61,10 @@ def begin() -> None:
 
 class Preparation:
     """
-    Compiles or loads the kernels of node and replay; reports progress, and warns of problems.
+    Compiles or loads the kernels of node and replay; `say` gets its progress, `warn` problems.
 
     Once it is constructed the kernels for contacts are ready. Those for distances are too, unless
     this is the first start after an installation, which compiles.
-
-    Parameters
-    ----------
-    say, warn : callable
-        Receive the messages.
-
     """
 
     def __init__(self, say: Callable[[str], object], warn: Callable[[str], object]) -> None:

@@ -37,10 +37,6 @@ def intersects(a: BodyLike, b: BodyLike) -> bool:
     a, b : Polygon, (n, 2) array_like or geometry
         Polygons, segments or points, convex or not, in one frame; metres.
 
-    Returns
-    -------
-    bool
-
     Raises
     ------
     PolygonError

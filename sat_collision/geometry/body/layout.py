@@ -59,12 +59,9 @@ NODE = 5 * FANOUT
 class Packed(NamedTuple):
     """A packed polygon, as passed between kernels."""
 
-    # Flat array of float64, or its `elements`: has the polygon, and maybe others.
-    array: Any
-    # The index at which it starts.
-    start: int
-    # Number of vertices if convex, else minus the number of convex parts.
-    n: int
+    array: Any  # flat array of float64, or its `elements`: has the polygon, and maybe others
+    start: int  # the index at which it starts
+    n: int  # number of vertices if convex, else minus the number of convex parts
 
 
 @kernel
@@ -173,21 +170,16 @@ def outline_of(p):
 class Rows(NamedTuple):
     """The parts of the array of a set: its columns, and the packed bodies."""
 
-    # (r,) array of float64: bounds.
-    min_x: NDArray[np.float64]
+    min_x: NDArray[np.float64]  # (r,): bounds
     min_y: NDArray[np.float64]
     max_x: NDArray[np.float64]
     max_y: NDArray[np.float64]
-    # (r,) array of int64: the index at which the packed body starts, its count (0: no body), and
-    # how many doubles are reserved for it.
-    start: NDArray[np.int64]
-    n: NDArray[np.int64]
-    space: NDArray[np.int64]
-    # Flat arrays of float64: the index, if it is built, and the packed bodies.
-    nodes: NDArray[np.float64]
-    packed: NDArray[np.float64]
-    # How many rows are, or were, in use.
-    used: int
+    start: NDArray[np.int64]  # (r,): the index at which the packed body starts
+    n: NDArray[np.int64]  # (r,): its count, 0 for no body
+    space: NDArray[np.int64]  # (r,): how many doubles are reserved for it
+    nodes: NDArray[np.float64]  # flat: the index, if it is built
+    packed: NDArray[np.float64]  # flat: the packed bodies
+    used: int  # how many rows are, or were, in use
 
 
 @inlined

@@ -41,17 +41,14 @@ class MovingBody(NamedTuple):
 
     # Flat array of float64: part after part, x, y at time 0 and x, y at time 1 of each vertex.
     array: Any
-    # (k,) array of int64: the index at which each part ends.
-    ends: Any
+    ends: Any  # (k,) array of int64: the index at which each part ends
 
 
 class Part(NamedTuple):
     """A convex part of a moving body, see `MovingBody`."""
 
-    # Flat array of float64, or its `elements`: has its vertices, and maybe others.
-    array: Any
-    # The indices at which they start and end.
-    first: int
+    array: Any  # flat array of float64, or its `elements`: has its vertices, and maybe others
+    first: int  # the indices at which they start and end
     end: int
 
 

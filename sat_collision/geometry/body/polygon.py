@@ -50,15 +50,7 @@ Points: TypeAlias = tuple[bytes, int, int, int]
 
 
 class Reason(enum.Enum):
-    """
-    Why points do not make a polygon.
-
-    Examples
-    --------
-    >>> [reason.value for reason in Reason][:2]
-    ['empty', 'not finite']
-
-    """
+    """Why points do not make a polygon."""
 
     EMPTY = 'empty'
     NOT_FINITE = 'not finite'

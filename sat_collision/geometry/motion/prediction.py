@@ -57,17 +57,13 @@ BEYOND = 'a path, or its distance from a body, is beyond the largest double, or 
 class Motion(NamedTuple):
     """How a body moves, and the limits of the query."""
 
-    # The origin of the body's frame at time 0, m.
-    x: float
+    x: float  # the origin of the body's frame at time 0, m
     y: float
-    # How far it would get by the horizon, straight on, m; and by what angle it turns, rad.
-    vx: float
+    vx: float  # how far it would get by the horizon, straight on, m
     vy: float
-    turn: float
-    # Seconds.
-    horizon: float
-    # Metres.
-    tolerance: float
+    turn: float  # rad
+    horizon: float  # s
+    tolerance: float  # m
     margin: float
 
 
@@ -75,14 +71,11 @@ class Path(NamedTuple):
     """The path of a body up to the horizon."""
 
     motion: Motion
-    # The vertices of its parts are x, y at time 0, relative to the origin; only ends have STRIDE.
-    body: MovingBody
-    # An upper bound of the ways of the vertices, m; 0 if and only if the body rests.
-    speed: float
+    body: MovingBody  # as `parts_about` gives it, relative to the origin
+    speed: float  # an upper bound of the ways of the vertices, m; 0 if and only if the body rests
     # An upper bound of a vertex's distance from the origin and of the length of its path, m.
     reach: float
-    # How many pieces the path is cut into.
-    pieces: int
+    pieces: int  # that the path is cut into
     # Flat array of float64: min x, min y, max x, max y of each piece, then of the whole path;
     # relative to the origin.
     boxes: Any

@@ -57,13 +57,11 @@ class Features(NamedTuple):
     """A segment between vertices of each body, at least one of them a vertex, and the distance."""
 
     distance: float
-    # Indices of the ends of P's segment in its array, and of Q's.
-    pa: int
+    pa: int  # indices of the ends of P's segment in its array, and of Q's
     pb: int
     qa: int
     qb: int
-    # The direction from P to Q: an axis of any length, of double-doubles.
-    nx: Any
+    nx: Any  # the direction from P to Q: an axis of any length, of double-doubles
     ny: Any
 
 

@@ -54,11 +54,9 @@ class Search(NamedTuple):
     ay: float
     bx: float
     by: float
-    # The axis to try next.
-    ux: float
+    ux: float  # the axis to try next
     uy: float
-    # The greatest magnitudes of coordinates.
-    reach_x: float
+    reach_x: float  # the greatest magnitudes of coordinates
     reach_y: float
 
 

@@ -50,8 +50,7 @@ class Differences(NamedTuple):
     # Flat array of float64, or its `elements`: of each half-plane {t: u . t <= h} the unit vector
     # u and h, difference after difference.
     sides: Any
-    # Array of int64, or its `elements`: the index at which each difference ends.
-    ends: Any
+    ends: Any  # array of int64, or its `elements`: the index at which each difference ends
     used: int
 
 

@@ -58,6 +58,9 @@ class PolygonSet:
     uses a set has to make one of its own. Sets are equal if they have the same rows, removed ones
     among them, with equal bodies; as they can change, they have no hash. They can be pickled.
 
+    Methods raise `PolygonError` for points that do not make a polygon, and `IndexError` for a row
+    without a body; the set is unchanged then.
+
     Parameters
     ----------
     bodies : iterable of Polygon, (n, 2) array_like or geometry, optional
@@ -254,15 +257,7 @@ class PolygonSet:
         return int(self._array.nbytes)
 
     def append(self, body: BodyLike) -> int:
-        """
-        Add a body and return its row: the one freed last, if any.
-
-        Raises
-        ------
-        PolygonError
-            Points that do not make a polygon; the set is unchanged.
-
-        """
+        """Add a body and return its row: the one freed last, if any."""
         packed = as_polygon(body).packed
 
         def add() -> int:
@@ -282,17 +277,7 @@ class PolygonSet:
         return row
 
     def replace(self, row: int, body: BodyLike) -> None:
-        """
-        Replace the body of a row.
-
-        Raises
-        ------
-        IndexError
-            The row has no body.
-        PolygonError
-            Points that do not make a polygon; the set is unchanged.
-
-        """
+        """Replace the body of a row."""
         packed = as_polygon(body).packed
         self._change(lambda: self._place(self._checked(row), packed, _EMPTY))
 
@@ -323,15 +308,7 @@ class PolygonSet:
                 return [] if found is None else found.tolist()
 
     def remove(self, row: int) -> None:
-        """
-        Remove the body of a row; the row number may be given to a later body.
-
-        Raises
-        ------
-        IndexError
-            The row has no body.
-
-        """
+        """Remove the body of a row; the row number may be given to a later body."""
         self._change(lambda: self._remove(self._checked(row)))
 
     def _remove(self, row: int) -> None:
@@ -342,15 +319,7 @@ class PolygonSet:
         self._free.append(row)
 
     def polygon(self, row: int) -> Polygon:
-        """
-        Return the body of a row.
-
-        Raises
-        ------
-        IndexError
-            The row has no body.
-
-        """
+        """Return the body of a row."""
         with self._lock:
             return self._polygon(self._checked(row))
 
@@ -372,14 +341,7 @@ class PolygonSet:
         return number
 
     def intersecting_rows(self, body: BodyLike) -> NDArray[np.int64]:
-        """
-        Return the rows whose bodies share a point with a body, in ascending order; exact.
-
-        Returns
-        -------
-        (k,) ndarray of int64
-
-        """
+        """Return the rows whose bodies share a point with a body, ascending: (k,) int64; exact."""
         packed, count = as_polygon(body).packed
         array, indexed = self._shared or self._snapshot()
         found = intersecting_rows(array, indexed, packed, count)

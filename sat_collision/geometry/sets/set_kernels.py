@@ -53,12 +53,10 @@ class Pairs(NamedTuple):
 
     rows: Rows
     others: Rows
-    # Per row: SEPARATE, MEET, UNCERTAIN, or OPEN.
-    verdicts: Any
-    # Per batch: the searches; two indices per pair, of sectors or of support vertices; open rows.
-    searches: Any
-    places: Any
-    pending: Any
+    verdicts: Any  # per row: SEPARATE, MEET, UNCERTAIN, or OPEN
+    searches: Any  # per batch
+    places: Any  # per batch, two indices of a pair: of sectors or of support vertices
+    pending: Any  # per batch: the open rows
 
 
 @kernel

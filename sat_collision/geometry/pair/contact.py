@@ -329,10 +329,8 @@ def _level_edge(p, ux, uy):
 @inner
 def _level_edge_at(p, k, ux, uy):
     """Return the same of the two edges at a vertex."""
-    before = vertex_before(p, k)
-    after = vertex_after(p, k)
-    slant = _slant(p.array, before, k, ux, uy)
-    other = _slant(p.array, k, after, ux, uy)
+    before, after = vertex_before(p, k), vertex_after(p, k)
+    slant, other = _slant(p.array, before, k, ux, uy), _slant(p.array, k, after, ux, uy)
     if min(slant, other) > FACING:
         return -1, -1
     return (before, k) if slant <= other else (k, after)

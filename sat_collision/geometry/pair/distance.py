@@ -74,11 +74,9 @@ def measure(p, q):
 @inner
 def goes_first(p, q):
     """Return whether the packed numbers of P are lexicographically before those of Q."""
-    size = body_size(p)
-    other_size = body_size(q)
+    size, other_size = body_size(p), body_size(q)
     for k in range(min(size, other_size)):
-        a = p.array[p.start + k]
-        b = q.array[q.start + k]
+        a, b = p.array[p.start + k], q.array[q.start + k]
         if a != b:
             return a < b
     return size < other_size
@@ -97,8 +95,7 @@ def measure_parts(p, q):
         convex_part(p, first // parts), convex_part(q, first % parts))
     decided = first
     limit = _limit_of(least, reach)
-    along = _reaches(p, found[4], found[5])
-    back = _reaches(q, -found[4], -found[5])
+    along, back = _reaches(p, found[4], found[5]), _reaches(q, -found[4], -found[5])
     pairs = open_pairs(p, q, least)
     count = len(pairs)
     stride = _STRIDE % max(count, 1)
@@ -107,12 +104,10 @@ def measure_parts(p, q):
         pair = pairs[place]
         # In scattered order: in sequence each might be a little nearer than the one before.
         place += stride if place + stride < count else stride - count
-        i = pair // parts
-        j = pair % parts
+        i, j = pair // parts, pair % parts
         if pair == first or -along[i] - back[j] > limit:
             continue
-        a = convex_part(p, i)
-        b = convex_part(q, j)
+        a, b = convex_part(p, i), convex_part(q, j)
         if (not -_overlap(a, b) < least
                 or _is_beyond_edge(a, b, limit) or _is_beyond_edge(b, a, limit)):
             continue
@@ -124,8 +119,7 @@ def measure_parts(p, q):
         decided = pair
         meeting = meet
         limit = _limit_of(least, reach)
-        along = _reaches(p, found[4], found[5])
-        back = _reaches(q, -found[4], -found[5])
+        along, back = _reaches(p, found[4], found[5]), _reaches(q, -found[4], -found[5])
     return least, found, decided
 
 
@@ -183,8 +177,7 @@ def _scaled(p, scale, array):
 @inner
 def _within(p, x, y):
     """Return a point clamped to the bounds of a polygon, which it may leave by rounding."""
-    a = p.array
-    i = p.start
+    a, i = p.array, p.start
     return min(max(x, a[i + 2]), a[i + 4]), min(max(y, a[i + 3]), a[i + 5])
 
 
@@ -198,15 +191,12 @@ def _limit_of(least, reach):
 @inner
 def _is_beyond_edge(p, q, limit):
     """Return whether the gap from some edge of P to Q, < 0 if Q is inside it, is above a limit."""
-    v = p.array
-    w = q.array
-    first = first_vertex(p)
-    other_first = first_vertex(q)
+    v, w = p.array, q.array
+    first, other_first = first_vertex(p), first_vertex(q)
     for i in range(p.n if p.n > 2 else 0):
         a = first + 2 * i
         b = vertex_after(p, a)
-        ex = v[b] - v[a]
-        ey = v[b + 1] - v[a + 1]
+        ex, ey = v[b] - v[a], v[b + 1] - v[a + 1]
         enough = -limit * length(ex, ey)
         beyond = abs(enough) > _LEAST_PRODUCT
         for k in range(other_first, other_first + 2 * q.n if beyond else other_first, 2):
@@ -232,10 +222,8 @@ def _reaches(p, ux, uy):
 @inner
 def _overlap(p, q):
     """Return the least move along x or y that parts the boxes of P and Q; minus a gap between."""
-    a = p.array
-    b = q.array
-    i = p.start
-    j = q.start
+    a, b = p.array, q.array
+    i, j = p.start, q.start
     return min(min(a[i + 4] - b[j + 2], b[j + 4] - a[i + 2]),
                min(a[i + 5] - b[j + 3], b[j + 5] - a[i + 3]))
 

@@ -77,10 +77,13 @@ def meet_near(p, q, i, j):
     separate along their common line only, so those are compared as segments (docs/exactness.md,
     lemma 11). Most touching pairs are recognised by edges at i and j, where the search ended.
     """
+    v, w = p.array, q.array
     i, j = max(i, first_vertex(p)), max(j, first_vertex(q))
     for a in (vertex_before(p, i), i):
-        for b in (vertex_before(q, j), j):
-            if _edges_meet(p, a, q, b):
+        b = vertex_after(p, a)
+        for c in (vertex_before(q, j), j):
+            d = vertex_after(q, c)
+            if segments_meet(v[a], v[a + 1], v[b], v[b + 1], w[c], w[c + 1], w[d], w[d + 1]):
                 return True
     if p.n <= 2 and q.n <= 2:
         return False
@@ -92,15 +95,6 @@ def interiors_apart(p, q):
     """Decide exactly whether an edge of one convex polygon has no point of the other inside it."""
     i, j = first_vertex(p), first_vertex(q)
     return _some_edge_separates(p, q, i, j, 1) or _some_edge_separates(q, p, j, i, 1)
-
-
-@inner
-def _edges_meet(p, a, q, c):
-    """Return whether the edges of P and Q that start at the vertices at a and c share a point."""
-    v, w = p.array, q.array
-    b = vertex_after(p, a)
-    d = vertex_after(q, c)
-    return segments_meet(v[a], v[a + 1], v[b], v[b + 1], w[c], w[c + 1], w[d], w[d + 1])
 
 
 @inner

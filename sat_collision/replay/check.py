@@ -79,21 +79,18 @@ def check(path: str | Path, options: Options = Options(),
     """
     passes = 2 if options.keyframes else 1
     with Recording(path, options.limits) as recording:
-        result = check_recording(recording, options, _part_of(progress, 0, passes))
+        result = check_recording(
+            recording, options, progress and (lambda share: progress(share / passes)))
         result.content = recording.content
     if options.keyframes and (moments := moments_of(result)):
         with Recording(path, options.limits) as recording:
-            drawn = check_recording(recording, replace(options, write_bag=None),
-                                    _part_of(progress, 1, passes), moments)
+            drawn = check_recording(
+                recording, replace(options, write_bag=None),
+                progress and (lambda share: progress((1 + share) / passes)), moments)
         result.keyframes = drawn.keyframes
         result.problems += [f'{problem}, when it was read again to be drawn'
                             for problem in drawn.problems if problem not in result.problems]
     return result
-
-
-def _part_of(progress: OnProgress | None, number: int, count: int) -> OnProgress | None:
-    """Return what reports the progress of one of several parts of the work."""
-    return progress and (lambda share: progress((number + share) / count))
 
 
 def check_recording(recording: Recording, options: Options, progress: OnProgress | None = None,
@@ -189,8 +186,7 @@ class _Check:
             check_shared_topics(one for one in self._settings.inputs if one.name not in wrong)
         if recording.start is not None and recording.end is not None:
             start = recording.start + round(options.start * 1e9)
-            stop = (None if options.duration is None
-                    else start + round(options.duration * 1e9))
+            stop = None if options.duration is None else start + round(options.duration * 1e9)
             if start > recording.end or stop == start:
                 result.notes.append(
                     'the recording has nothing in the time given by --start and --duration: it '
@@ -209,7 +205,9 @@ class _Check:
             result.notes.append(UNSEEN)
         result.sources = [self._result_of(source) for source in all_sources(self._settings)]
         for footprint, settings in zip(self._footprints, self._settings.footprints):
-            footprint.refused = self._refused_of(settings)
+            concerned = {settings.name, *filter(settings.monitors, self._scene.sources)}
+            footprint.refused = [source.name for source in result.sources
+                                 if source.refused and source.name in concerned]
         result.footprints = self._footprints
         result.contacts = self._timeline.contacts
         result.unknown = self._timeline.unknown
@@ -234,24 +232,17 @@ class _Check:
             name, source.topic, self._monitor.received[name], rejected,
             examples=self._examples.get(name, {}),
             lost=self._losses.counts[source.topic] if self._losses else 0,
-            undetermined=self._motion.undetermined_of(name) if self._motion else 0,
+            undetermined=self._motion.undetermined_of[name] if self._motion else 0,
             refused=0 if isinstance(source, PathSettings) else sum(
                 count for reason, count in rejected.items() if reason in _OF_CONTENT),
             known_by=(self._scene.sources[name].rule if name in self._scene.sources else ''))
-
-    def _refused_of(self, footprint: FootprintSettings) -> list[str]:
-        """Return which sources that concern a footprint had messages refused for content."""
-        names = {footprint.name, *filter(footprint.monitors, self._scene.sources)}
-        return [source.name for source in self._result.sources
-                if source.refused and source.name in names]
 
     def _play(self, names: dict[str, list[str]], start: int, stop: int | None, end: int,
               progress: OnProgress | None) -> None:
         by_header, result = self._options.clock == HEADER, self._result
         monitor, now = self._monitor, 0
         if by_header and self._options.start:
-            result.origin = self._first_stamp(
-                names.keys() - {*TRANSFORM_TOPICS} - self._timeless)
+            result.origin = self._first_stamp(names.keys() - {*TRANSFORM_TOPICS} - self._timeless)
         elif not by_header:
             result.origin = self._recording.start
         self._losses = self._read_losses(start, stop)

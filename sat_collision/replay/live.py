@@ -20,7 +20,7 @@ from sat_collision.geometry.body.polygon import Polygon
 from sat_collision.geometry.query import separation
 from sat_collision.replay.model.keyframes import Floats, Keyframes, ShownBody
 from sat_collision.replay.model.result import (
-    Contact, FootprintResult, Least, Series, Unknown, Unknowns)
+    Contact, FootprintResult, Least, Series, Unknowns)
 from sat_collision.scene.footprints import Status
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.scene import Scene
@@ -83,20 +83,16 @@ class Timeline:
         self._scene = scene
         self._drawing = drawing
         self.contacts: list[Contact] = []
+        self._unknowns = Unknowns()
+        self.unknown = self._unknowns.intervals
         # The open contacts by footprint and obstacle, only for footprints that have any.
         self.touching: dict[str, dict[ObstacleId, Contact]] = {}
         self._results = {result.name: result for result in footprints}
         self._series = {result.name: Series(result.separation) for result in footprints}
         self._since: dict[str, tuple[int, Status]] = {}
-        self._unknowns = Unknowns()
         # Footprints whose contacts are to be measured, and the bodies last measured.
         self._moved: set[str] = set()
         self._measured: dict[tuple[str, ObstacleId], list[Polygon]] = {}
-
-    @property
-    def unknown(self) -> list[Unknown]:
-        """The Unknown intervals, in the order of their beginning."""
-        return self._unknowns.intervals
 
     def change(self, names: Iterable[str], now: int) -> None:
         """Record the new states of footprints."""

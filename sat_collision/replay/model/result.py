@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from sat_collision.replay.model.keyframes import Keyframes, ShownBody
 
 _Number = TypeVar('_Number', int, float)
+_Place = TypeVar('_Place')
 Sample: TypeAlias = tuple[int, 'float | None']  # a time in ns, and a separation or the like
 
 NODE = '/footprint_monitor'
@@ -107,10 +108,7 @@ class Contact:
     # Recorded motion has them apart last before and first after; None where it is not known.
     between: list[int | None] = field(default_factory=lambda: [None, None])
     # The obstacle's name then: its number may belong to another body in another set.
-    deepest_as: str = ''
-
-    def __post_init__(self) -> None:
-        self.deepest_as = self.deepest_as or self.obstacle
+    deepest_as: str = ''  # empty if it is the same
 
     def deepen(self, depth: float, time: int, own: Polygon, other: Polygon) -> bool:
         """Take a depth (m) of footprint and obstacle; return whether it is the deepest so far."""
@@ -295,7 +293,7 @@ class Result:
     def obstacle_of(self, contact: Contact) -> ShownBody | None:
         """Return the obstacle of a contact, None if it was not kept."""
         return None if self.keyframes is None else self.keyframes.obstacle(
-            contact.deepest_as, contact.deepest, contact.x, contact.y)
+            contact.deepest_as or contact.obstacle, contact.deepest, contact.x, contact.y)
 
     def since(self, time: int) -> float:
         """Return a time in s since the recording begins."""
@@ -477,7 +475,7 @@ class Unknowns:
         """End open intervals, and drop those without duration."""
         for unknown in self._open.values():
             unknown.last = now
-        self.intervals = [one for one in self.intervals if one.last > one.first]
+        self.intervals[:] = [one for one in self.intervals if one.last > one.first]
 
 
 def moments_of(result: Result) -> list[int]:
@@ -492,12 +490,12 @@ def moments_of(result: Result) -> list[int]:
     known = [time for footprint in result.footprints for time, value in footprint.separation
              if value is not None]
     start, end = min(known, default=result.start), max(known, default=result.end)
-    moments = _spread(start, end, _MOMENTS)
+    moments = {*spread(range(start, end + 1), _MOMENTS)}
     contacts = deepest_contacts(result)
     for contact in contacts[:_MAX_AROUND]:
         first, last = max(contact.first - _SECOND, start), min(contact.last + _SECOND, end)
         if last - first < _AROUND * (end - start) / _MOMENTS:
-            moments |= _spread(first, last, _AROUND)
+            moments.update(spread(range(first, last + 1), _AROUND))
     moments.update(time for contact in contacts for time in (contact.first, contact.deepest))
     moments.update(footprint.least.time for footprint in result.footprints if footprint.least)
     return sorted(moments)
@@ -508,11 +506,7 @@ def deepest_contacts(result: Result) -> list[Contact]:
     return sorted(result.contacts, key=lambda contact: -contact.depth)[:MAX_CONTACTS]
 
 
-def spread(places: Sequence[list[float]], limit: int) -> list[list[float]]:
+def spread(places: Sequence[_Place], limit: int) -> list[_Place]:
     """Return at most so many of some places, the first and the last ones included."""
     last, count = len(places) - 1, min(len(places), limit)
     return [places[last * k // (count - 1)] for k in range(count)] if count > 1 else [*places]
-
-
-def _spread(first: int, last: int, count: int) -> set[int]:
-    return {first + (last - first) * k // (count - 1) for k in range(count)}

@@ -26,8 +26,7 @@ from sat_collision.replay.model.result import (
     AT_A_SAMPLE, BETWEEN_SAMPLES, Contact, FootprintResult, Least, least_of, Series, Unknown)
 from sat_collision.replay.motion.bodies import (
     Bodies, Floats, Integers, Interval, LinearMotion, SetBatch)
-from sat_collision.replay.motion.nearness import (
-    measure_near, nearest_in_steps, rows_near, SLACK)
+from sat_collision.replay.motion.nearness import measure_near, nearest_in_steps, rows_near, SLACK
 from sat_collision.replay.motion.tracker import Step
 from sat_collision.replay.motion.trajectories import Box, Link, Trajectory
 from sat_collision.scene.obstacles import ObstacleId
@@ -260,13 +259,14 @@ class ContactTracker:
         fault = None
         if not touches:
             try:
-                last = self._first(pair.backwards())
+                last = self._first(pair._replace(begin=pair.end, end=pair.begin))
             except PolygonError as error:
                 fault, last = error, None
         contact.last = begun if last is None else max(begun, last)
         measured = []
         if not touches or not pair.stays(own, other):
-            for time in (*_between(begun, contact.last), begun):
+            for part in (4, 2, 6, 1, 3, 5, 7, 0):
+                time = begun + (contact.last - begun) * part // 8
                 try:
                     bodies = pair.at(time)
                     measured.append((0.0 - separation(*bodies), time, bodies))
@@ -361,9 +361,6 @@ class _Pair(NamedTuple):
         return (self.end == self.link.end and not self.link.after.is_between
                 and not self.motion.moved[self.i])
 
-    def backwards(self) -> _Pair:
-        return self._replace(begin=self.end, end=self.begin)
-
     def stays(self, own: Polygon, other: Polygon) -> bool:
         """Return whether bodies that touch at both ends do so in between, or turn very far."""
         return own.is_convex and other.is_convex or not (
@@ -384,11 +381,6 @@ class _Pair(NamedTuple):
                            for motion, i in both)
         largest: float = max(np.abs(motion.boxes[i]).max() for motion, i in both)
         return moved * (1.0 + SLACK) + SLACK * largest
-
-
-def _between(first: int, last: int) -> list[int]:
-    """Return the times at which to measure the depth of a contact, the middle first."""
-    return [first + (last - first) * part // 8 for part in (4, 2, 6, 1, 3, 5, 7)]
 
 
 class ContactResults:
@@ -421,11 +413,7 @@ class ContactResults:
 
     def measure(self, bodies: Bodies, row: int, time: int, value: float) -> None:
         """Record the separation from an obstacle if it is the least so far."""
-        least = self._result.least
-        if least is not None and value >= least.separation:
-            return
-        own = self._trajectory.outline(time)
-        if own is not None:
+        if self._result.is_least(value) and (own := self._trajectory.outline(time)) is not None:
             (ax, ay), (bx, by) = (
                 point.tolist() for point in closest_points(own, bodies.polygon(row)))
             self._result.note_least(Least(value + 0.0, time, str(bodies.names[row]),

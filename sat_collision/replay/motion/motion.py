@@ -16,7 +16,7 @@ no longer needed is dropped soon after.
 
 from __future__ import annotations
 
-from collections import defaultdict, deque
+from collections import Counter, defaultdict, deque
 from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from itertools import groupby, pairwise, repeat
@@ -26,7 +26,7 @@ from typing import Any
 from sat_collision.messages.ingest import Placement
 from sat_collision.messages.transform_listener import TransformListener
 from sat_collision.replay.model.result import (
-    Contact, FootprintResult, joined, joined_contacts, length_of, times_of, Unknown, Unknowns)
+    Contact, FootprintResult, joined, joined_contacts, length_of, times_of, Unknowns)
 from sat_collision.replay.motion.bodies import Bodies, Interval, LONGEST, SetBatch
 from sat_collision.replay.motion.contacts import ContactResults, ContactTracker
 from sat_collision.replay.motion.drawing import MotionDrawing
@@ -160,10 +160,11 @@ class RecordedMotion:
         # Remarks for the report.
         self.notes: list[str] = []
         self._scene = scene
-        self._unknowns = Unknowns()
-        self._undetermined = Unknowns()
+        # The times in which footprints are unknown, and in which only motion is not known.
+        self._unknowns, self._undetermined = Unknowns(), Unknowns()
+        self.unknown, self.undetermined = self._unknowns.intervals, self._undetermined.intervals
         # For how long (ns) the motion of something of a footprint or source is not known.
-        self._lengths: dict[str, int] = {}
+        self.undetermined_of: Counter[str] = Counter()
         self._start: int | None = None
         self._now = 0
         self._transforms = transforms
@@ -177,16 +178,6 @@ class RecordedMotion:
         self._sweeps = {result.name: Sweep(
             one, result, self.contacts, settings.margin, keep, horizon, settings.max_vertices)
             for one, result in zip(settings.footprints, footprints)}
-
-    @property
-    def unknown(self) -> list[Unknown]:
-        """The times in which footprints are unknown, in the order of their beginning."""
-        return self._unknowns.intervals
-
-    @property
-    def undetermined(self) -> list[Unknown]:
-        """The times in which motion is not known though the state is."""
-        return self._undetermined.intervals
 
     def change(self, names: Iterable[str], now: int) -> None:
         """Take from the scene whether footprints are unknown from now on."""
@@ -220,7 +211,6 @@ class RecordedMotion:
                 taker.place(placement, bodies)
 
     def _tracker(self, name: str) -> Tracker:
-        """Return the tracker of a source."""
         tracker = self._trackers.get(name)
         if tracker is None:
             source = self._sources[name]
@@ -272,18 +262,14 @@ class RecordedMotion:
                                   'are; --as-live tells what the monitor would have said')
             undetermined = sweep.undetermined(start, end, self._trackers.values())
             for of, intervals in undetermined.items():
-                self._lengths[of] = max(length_of(intervals, start, result.last or end),
-                                        self._lengths.get(of, 0))
+                self.undetermined_of[of] = max(
+                    length_of(intervals, start, result.last or end), self.undetermined_of[of])
             undetermined[''] = times_of(self.unknown, name)
             self._add_undetermined(name, undetermined, start, end)
         if self._drawing:
             self._drawing.finish(end)
         self.contacts[:] = joined_contacts(self.contacts)
         self.contacts.sort(key=attrgetter('first', 'footprint', 'obstacle'))
-
-    def undetermined_of(self, name: str) -> int:
-        """Return for how long (ns) the motion of a footprint or of obstacles was not known."""
-        return self._lengths.get(name, 0)
 
     def _add_undetermined(self, name: str, intervals: dict[str, list[Interval]], start: int,
                           end: int) -> None:

@@ -327,10 +327,6 @@ class _LastSample(NamedTuple):
     seen_at: int
     stamp: int
 
-    @property
-    def listing(self) -> int:
-        return self.sent.listing
-
 
 class KeyTracker(Tracker):
     """
@@ -393,7 +389,7 @@ class KeyTracker(Tracker):
             self._whole = placement.last_whole
             self._close()
             self._stand(self._stamp, self._longest, replaced={
-                name for name, one in self._seen.items() if one.listing < self._whole})
+                name for name, one in self._seen.items() if one.sent.listing < self._whole})
 
     def use_frame(self, frame_id: str) -> None:
         super().use_frame(frame_id)
@@ -453,8 +449,7 @@ class KeyTracker(Tracker):
                 items if replaced or is_over else old):
             over, is_forgotten = self._end_of(seen_at, times)
             is_forgotten = is_forgotten or over < now or name in replaced
-            again = self._pending.get(
-                name._replace(number=0) if name in self._beside else name)
+            again = self._pending.get(name._replace(number=0) if name in self._beside else name)
             if stamp >= now - least and not is_forgotten or (
                     again and again.stamp <= seen_at + self._timeout):
                 continue

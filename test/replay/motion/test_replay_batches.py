@@ -79,7 +79,7 @@ def decided(found, together):
     """Return all results for placements, some at a time."""
     results, motion = followed(found, together)
     return repr((motion.contacts, [(one.least, one.separation) for one in results], [
-        motion.undetermined_of(name) for name in NAMES], motion.undetermined))
+        motion.undetermined_of[name] for name in NAMES], motion.undetermined))
 
 
 @pytest.mark.parametrize('seed', range(8))

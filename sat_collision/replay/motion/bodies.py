@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sat_collision.geometry.body.moving import STRIDE
 from sat_collision.geometry.body.packing import DOUBLE, PAIR, SIZES, TRIPLE
-from sat_collision.geometry.body.polygon import Affine2D, MAX_VERTICES, Polygon
+from sat_collision.geometry.body.polygon import Affine2D, Polygon
 from sat_collision.messages.ingest import Placement
 from sat_collision.replay.motion.kernels import (
     COUNT, DATA, describe, EARLIEST, END, FINISH, FIRST, follow, LAST, LATEST, MAY_REPEAT,
@@ -125,8 +125,7 @@ class Bodies:
     """
 
     def __init__(self, names: Sequence[ObstacleId], batch: SetBatch, number: int = 0,
-                 max_vertices: int = MAX_VERTICES, frame_id: str = '',
-                 is_between: bool = False) -> None:
+                 frame_id: str = '', is_between: bool = False) -> None:
         self._described = batch
         self._numbers = numbers = batch.numbers[number]
         self._count = numbers[ROWS_END] - numbers[ROW]
@@ -140,7 +139,6 @@ class Bodies:
         self.begin, self.end = numbers[EARLIEST], numbers[LATEST]
         # Whether two outlines may be equal bit by bit as received.
         self.may_repeat = bool(numbers[MAY_REPEAT])
-        self._max_vertices = max_vertices
 
     def __len__(self) -> int:
         return self._count
@@ -203,10 +201,9 @@ class Bodies:
         return self.points[first:first + self.rings[row, COUNT]]
 
     def polygon(self, row: int) -> Polygon:
-        """Return a body."""
         found = self._polygons.get(row)
         if found is None:
-            found = self._polygons[row] = Polygon(self.ring(row), self._max_vertices)
+            found = self._polygons[row] = _polygon(self.ring(row))
         return found
 
 
@@ -255,7 +252,12 @@ class LinearMotion:
             return self.before.polygon(int(self.rows[i]))
         if time >= self.finishes[i]:
             return self.after.polygon(int(self.next_rows[i]))
-        return Polygon(self.ring(i, time))
+        return _polygon(self.ring(i, time))
+
+
+def _polygon(ring: Floats) -> Polygon:
+    """Return what a ring makes, whose number of vertices was checked when it was received."""
+    return Polygon(ring, len(ring))
 
 
 def _table(messages: list[int]) -> Integers:

@@ -244,10 +244,7 @@ class ContactTracker:
         value = separation(own, other)
         touches = value <= self._margin
         if contact is None:
-            if pair.begin == pair.end:
-                first: int | None = pair.begin if touches else None
-            else:
-                first = self._first(pair)
+            first = self._first(pair) if pair.begin < pair.end else None
             if first is None:
                 if not touches:
                     return None
@@ -350,7 +347,6 @@ class _Pair(NamedTuple):
 
     @property
     def end_name(self) -> ObstacleId:
-        """The name of the obstacle at the end."""
         if self.end < self.motion.finishes[self.i]:
             return self.name
         return self.motion.after.names[int(self.motion.next_rows[self.i])]

@@ -52,11 +52,10 @@ class Sweep:
 
     def __init__(self, settings: FootprintSettings, result: FootprintResult,
                  contacts: list[Contact], margin: float, keep: int,
-                 horizon: float | None, max_vertices: int) -> None:
+                 horizon: float | None) -> None:
         self.settings = settings
         self.result = result
         self._names = [ObstacleId(settings.name, 0)]
-        self._max_vertices = max_vertices
         self._margin = margin
         self._keep = keep
         self.trajectory = Trajectory(settings)
@@ -74,8 +73,7 @@ class Sweep:
         return [self.sample(batch, k) for k in range(len(placements))]
 
     def sample(self, batch: SetBatch, number: int = 0, is_between: bool = False) -> Bodies:
-        """Return a sample of the footprint from a batch."""
-        return Bodies(self._names, batch, number, self._max_vertices, is_between=is_between)
+        return Bodies(self._names, batch, number, is_between=is_between)
 
     @property
     def is_decided(self) -> bool:
@@ -105,17 +103,20 @@ class Sweep:
             one = self._contact_trackers[tracker] = ContactTracker(
                 self.trajectory, self.contacts, self._margin)
         self._waiting.append((one, step))
-        self._decide_until(self._known_until(now))
+        self._decide_known(now)
 
     def advance(self, now: int) -> None:
         """Decide the steps that can be decided, and drop data that is no longer needed."""
-        self._decide_until(self._known_until(now))
+        self._decide_known(now)
         if self.trajectory.latest is not None:
             self.trajectory.drop_before(self.trajectory.latest - self._keep)
             if self.prediction:
                 self.prediction.drop_before(self.trajectory.latest - self._keep)
 
-    def _decide_until(self, known: int) -> None:
+    def _decide_known(self, now: int) -> None:
+        """Decide steps until when the trajectory is known, or too old for another sample."""
+        over, latest = now - 2 * self.trajectory.longest - 1, self.trajectory.latest
+        known = over if latest is None else max(latest, over)
         while self._waiting and (finish := self._waiting[0][1].finish) <= known:
             self.trajectory.stand(finish)
             self._decide()
@@ -136,11 +137,6 @@ class Sweep:
         one.decide(step)
         if self.prediction:
             self.prediction.look_ahead(step)
-
-    def _known_until(self, now: int) -> int:
-        """Return until when the trajectory is complete: known, or too old for another sample."""
-        over, latest = now - 2 * self.trajectory.longest - 1, self.trajectory.latest
-        return over if latest is None else max(latest, over)
 
 
 class RecordedMotion:
@@ -169,14 +165,13 @@ class RecordedMotion:
         self._now = 0
         self._transforms = transforms
         self._drawing = drawing
-        self._max_vertices = settings.max_vertices
         self._frame_id = settings.frame_id
         self._sources = {source.name: source for source in settings.obstacles}
         self._trackers: dict[str, Tracker] = {}
         keep = 3 * max((round(min(in_ns(source.timeout), LONGEST))
                         for source in settings.obstacles), default=0)
         self._sweeps = {result.name: Sweep(
-            one, result, self.contacts, settings.margin, keep, horizon, settings.max_vertices)
+            one, result, self.contacts, settings.margin, keep, horizon)
             for one, result in zip(settings.footprints, footprints)}
 
     def change(self, names: Iterable[str], now: int) -> None:
@@ -216,10 +211,10 @@ class RecordedMotion:
             source = self._sources[name]
             in_sets = (source.ending != NONE and source.timeout > 0.0
                        and source.type != POLYGON_INSTANCE)
-            common = source, self._max_vertices, self._emit_of(name)
+            emit = self._emit_of(name)
             tracker = self._trackers[name] = (
-                SetTracker(*common, partial(self._scene.is_broken, name)) if in_sets
-                else KeyTracker(*common))
+                SetTracker(source, emit, partial(self._scene.is_broken, name)) if in_sets
+                else KeyTracker(source, emit))
             tracker.use_frame(self._frame_id)
         return tracker
 
@@ -299,16 +294,16 @@ class RecordedMotion:
         begin = trajectory.begin_of_link(stamp) if sweep.settings.has_outline else None
         if begin is not None and self._is_static(sweep.settings.frame_id, stamp):
             # Where the transform is another one now, it jumps.
-            self._add(sweep, stamp, trajectory.standing(stamp))
+            self._add(sweep, trajectory.standing(stamp))
         elif begin is not None:
             poses = Poses(self._transforms, sweep.settings.frame_id,
                           placement.single).between(begin, stamp)
             if poses is None:
                 trajectory.lose(begin)
             for time, affine in poses or ():
-                self._add(sweep, time, sweep.sample(SetBatch(
+                self._add(sweep, sweep.sample(SetBatch(
                     [[placement._replace(stamp=time, affine=affine)]]), is_between=True))
-        self._add(sweep, stamp, sample)
+        self._add(sweep, sample)
         for tracker in self._trackers.values():
             tracker.rest(self._now)
         sweep.advance(self._now)
@@ -318,9 +313,8 @@ class RecordedMotion:
         found = self._transforms.lookup_affine(frame_id, 0, now)
         return isinstance(found, Mapped) and found.at is None
 
-    def _add(self, sweep: Sweep, time: int, sample: Bodies) -> None:
-        """Add a sample to the trajectory of a footprint."""
-        sweep.trajectory.add(time, sample)
+    def _add(self, sweep: Sweep, sample: Bodies) -> None:
+        sweep.trajectory.add(sample)
         if self._drawing:
             self._drawing.show(sweep.settings.name, sweep.trajectory)
 

@@ -127,8 +127,7 @@ class Predictor:
         firsts = {time // _EVERY: time for time in reversed(samples)}
         return [time for time in firsts.values() if time >= start]
 
-    def _first(self, own: Polygon, velocity: Velocity, motion: LinearMotion,
-               time: int) -> _Found:
+    def _first(self, own: Polygon, velocity: Velocity, motion: LinearMotion, time: int) -> _Found:
         """Return when the footprint first touches any of the bodies that move from a time on."""
         starts, finishes = motion.starts, motion.finishes
         moved = motion.after.middles[motion.next_rows] - motion.before.middles[motion.rows]

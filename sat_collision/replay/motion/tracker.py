@@ -77,13 +77,12 @@ Emit: TypeAlias = 'Callable[[Tracker, Step], None]'
 class Tracker(ABC):
     """Follows the bodies of a source."""
 
-    def __init__(self, settings: ObstacleSettings, max_vertices: int, emit: Emit) -> None:
+    def __init__(self, settings: ObstacleSettings, emit: Emit) -> None:
         # The times in which the motion of some body is not known.
         self.undetermined: list[Interval] = []
         self.name = settings.name
         self._timeout = in_ns(settings.timeout)
         self._longest = round(min(self._timeout, LONGEST))
-        self._max_vertices = max_vertices
         self._emit = emit
         self._frame_id = ''
 
@@ -93,11 +92,7 @@ class Tracker(ABC):
 
     @abstractmethod
     def place(self, placement: Placement, described: Described | None = None) -> None:
-        """
-        Process a placement; one without points ends the publisher's set.
-
-        `described` is the set that begins with it, if that was described before.
-        """
+        """Process a placement, and the set that begins with it, if that was described before."""
 
     @abstractmethod
     def rest(self, now: int, is_over: bool = False, listing: int = 0) -> None:
@@ -123,7 +118,7 @@ class Tracker(ABC):
         """Return the received bodies of a batch; there may be more names than bodies."""
         frames = {one.frame_id for one in placements}
         frame_id = frames.pop() if len(frames) == 1 else ''
-        return Bodies(names, batch, number, self._max_vertices, frame_id)
+        return Bodies(names, batch, number, frame_id)
 
     def _is_usable(self, placement: Placement) -> bool:
         """Return whether a placement is in the current frame, if there is one yet."""
@@ -138,14 +133,13 @@ class SetTracker(Tracker):
     nearest to each other and have equally many vertices.
     """
 
-    def __init__(self, settings: ObstacleSettings, max_vertices: int, emit: Emit,
+    def __init__(self, settings: ObstacleSettings, emit: Emit,
                  is_broken: Callable[[int], bool]) -> None:
-        super().__init__(settings, max_vertices, emit)
+        super().__init__(settings, emit)
         self._ending = settings.ending
         # Tells of a listing whether it ended and was not whole.
         self._is_broken = is_broken
-        # The number of the set that is being received, 0 if none is, and its first stamp; and that
-        # of the last one.
+        # The set being received: its number, 0 if none is, and first stamp. The last one's number.
         self._listing = self._start = self._number = 0
         self._pending: list[Placement] = []
         self._described: Described | None = None
@@ -335,8 +329,8 @@ class KeyTracker(Tracker):
     In listings, as those of maps, a whole one replaces all bodies that are only in older ones.
     """
 
-    def __init__(self, settings: ObstacleSettings, max_vertices: int, emit: Emit) -> None:
-        super().__init__(settings, max_vertices, emit)
+    def __init__(self, settings: ObstacleSettings, emit: Emit) -> None:
+        super().__init__(settings, emit)
         # The bodies that are there, those that were received longest ago first.
         self._seen: dict[ObstacleId, _LastSample] = {}
         # The group of bodies that is being received, which ends before any of them may be gone.

@@ -78,7 +78,7 @@ class Trajectory:
         self.known: list[Interval] = []
         self._links: list[Link] = []
         self._starts: list[int] = []
-        self._last: tuple[int, Bodies] | None = None
+        self._last: Bodies | None = None
         # If it never times out: the last one as far as it has stood, if it has; and whether it may
         # ever have been elsewhere.
         self._stood: Bodies | None = None
@@ -86,9 +86,10 @@ class Trajectory:
         # By time, the outlines found last.
         self._outlines: dict[int, Polygon] = {}
 
-    def add(self, time: int, sample: Bodies) -> None:
+    def add(self, sample: Bodies) -> None:
         """Add a sample; one older than the last by up to `longest`, or equal to it, is ignored."""
-        begin, last = self._last or (None, sample)
+        time, last = sample.begin, self._last or sample
+        begin = last.begin if self._last else None
         if begin is not None and (
                 begin - self.longest <= time < begin
                 or time == begin and np.array_equal(sample.ring(0), last.ring(0))):
@@ -99,7 +100,7 @@ class Trajectory:
                 self._has_moved or np.array_equal(sample.ring(0), last.ring(0))):
             self._leave()
         stood, self._stood = self._stood, None
-        self._last, self.latest = (time, sample), time
+        self._last, self.latest = sample, time
         self.newest = max(time, self.newest or time)
         if begin is None or time <= begin or stood:
             self._append(Link(sample, sample))
@@ -119,19 +120,19 @@ class Trajectory:
         """Record that it may have been elsewhere; it is not known since when."""
         if self._stood and self._last and not self._has_moved:
             first, _ = self.known.pop()
-            self.known.append((first, self._last[0]))
+            self.known.append((first, self._last.begin))
         self._has_moved = True
 
     def begin_of_link(self, until: int) -> int | None:
         """Return when the link that leads to a sample at a time begins, None if none does."""
-        if self._last is None or not 0 < until - self._last[0] <= self.longest:
+        if self._last is None or not 0 < until - self._last.begin <= self.longest:
             return None
-        return self._last[0]
+        return self._last.begin
 
     def standing(self, until: int) -> Bodies:
         """Return the last sample, of which there is one, at a later time."""
         assert self._last
-        return self._last[1].at({0: until})
+        return self._last.at({0: until})
 
     def stand(self, until: int) -> None:
         """
@@ -141,7 +142,7 @@ class Trajectory:
         """
         if not self._never_stale or self._last is None:
             return
-        before = self._stood or self._last[1]
+        before = self._stood or self._last
         if before.begin < until:
             self._stood, self.latest = before.at({0: until}), until
             self._append(Link(before, self._stood), not self._has_moved)

@@ -85,8 +85,7 @@ def _insistent_interrupts() -> Iterator[None]:
             report_before(unraisable)
 
     report_before = sys.unraisablehook
-    handlers = {number: signal.signal(number, interrupt)
-                for number in (*numbers, signal.SIGALRM)}
+    handlers = {number: signal.signal(number, interrupt) for number in (*numbers, signal.SIGALRM)}
     sys.unraisablehook = report
     try:
         yield

@@ -66,8 +66,7 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         if message.startswith(_UNRECOGNIZED):
             message += self._advice(message[len(_UNRECOGNIZED):].split()[0])
-        self.exit(int(Verdict.BAD_INPUT),
-                  f'{self.prog}: {message} (--help lists the options)\n')
+        self.exit(int(Verdict.BAD_INPUT), f'{self.prog}: {message} (--help lists the options)\n')
 
     def _get_value(self, action: argparse.Action, arg_string: str) -> Any:
         if not arg_string:  # such as an unset variable of a shell
@@ -82,9 +81,8 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(
-        'replay_check', allow_abbrev=False, description=_DESCRIPTION,
-        formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = _Parser('replay_check', allow_abbrev=False, description=_DESCRIPTION,
+                     formatter_class=argparse.RawDescriptionHelpFormatter)
     add = parser.add_argument
     add('--version', action='version', version=f'sat_collision {__version__}')
     add('bags', nargs='*', metavar='BAG', help='rosbag2 directory or storage file')

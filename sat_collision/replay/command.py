@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import fields
 from functools import partial
 import os
@@ -22,7 +22,6 @@ import sys
 import traceback
 
 from sat_collision.extras import in_one_line, missing, printable, unexpected
-from sat_collision.replay.arguments import parse
 from sat_collision.replay.bag.storage import check_bag_writer
 from sat_collision.replay.model.configuration import (
     check_values, parameter_of_text, parameters_of_file)
@@ -41,11 +40,6 @@ _PICTURES = ('.png', '.svg', '.pdf')
 # What writes all results into one file, by option.
 _WRITERS: dict[str, Callable[[list[Result], str], None]] = {
     'json': write_json, 'csv': write_csv, 'junit': write_junit}
-
-
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the command and return the exit status."""
-    return run(parse(args))
 
 
 def run(arguments: argparse.Namespace) -> int:

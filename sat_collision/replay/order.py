@@ -17,8 +17,7 @@ from itertools import accumulate, groupby
 from operator import itemgetter
 from typing import TypeAlias
 
-from sat_collision.messages.cdr import (
-    decode_transforms, header_stamp, MessageError, STAMP_SIZE)
+from sat_collision.messages.cdr import decode_transforms, header_stamp, MessageError, STAMP_SIZE
 from sat_collision.messages.ingest import Batch
 from sat_collision.messages.transform_listener import TF_STATIC
 from sat_collision.monitor import Monitor

@@ -31,8 +31,9 @@ from rosbags.rosbag2 import (  # noqa: E402
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores  # noqa: E402
 from sat_collision.messages.cdr import decode  # noqa: E402
 from sat_collision.messages.rosbags_interfaces import STORE  # noqa: E402
-from sat_collision.replay import command  # noqa: E402
+from sat_collision.replay.arguments import parse  # noqa: E402
 from sat_collision.replay.check import check as check_as_given  # noqa: E402
+from sat_collision.replay.command import run as run_command  # noqa: E402
 from sat_collision.replay.model.configuration import settings_of  # noqa: E402
 from sat_collision.replay.model.result import Options  # noqa: E402
 
@@ -81,8 +82,8 @@ def check(path, options=Options(), progress=None, set_end=MARKS):
 
 def main(arguments, set_end=MARKS):
     """Run the command on recordings whose default source ends its sets so; None for none."""
-    return command.main([*arguments, *([f'--param={SOURCE}.set_end:={set_end}']
-                                       if set_end else [])])
+    return run_command(parse(
+        [*arguments, *([f'--param={SOURCE}.set_end:={set_end}'] if set_end else [])]))
 
 
 def nanoseconds(time):

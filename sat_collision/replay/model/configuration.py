@@ -282,9 +282,7 @@ def _types_of(source: Source) -> tuple[str, ...]:
         return _STAMPED_TWIST, TWIST_TYPE
     if isinstance(source, PathSettings):
         return _PATH,
-    if isinstance(source, ObstacleSettings):
-        return _TYPES[source.type],
-    if source.has_outline:
+    if isinstance(source, FootprintSettings) and source.has_outline:
         return _ODOMETRY if source.odometry else TRANSFORM_TYPE,
     return _TYPES[source.type],
 
@@ -309,8 +307,7 @@ def _named(kind: str, topics: Iterable[str]) -> dict[str, object]:
     return {kind: list(sources), **{f'{name}.topic': topic for name, topic in sources.items()}}
 
 
-def _detected(polygons: Mapping[str, str], kinds: list[str], missing: set[str]
-              ) -> dict[str, str]:
+def _detected(polygons: Mapping[str, str], kinds: list[str], missing: set[str]) -> dict[str, str]:
     """Return the topic detected for each kind, if any; a refusal names what is missing."""
     found: dict[str, str] = {}
     is_certain = True

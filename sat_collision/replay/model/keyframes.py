@@ -66,7 +66,6 @@ class Keyframes:
         self.bodies: list[ShownBody] = []
 
     def add(self, is_footprint: bool = False) -> ShownBody:
-        """Return a new body."""
         self.bodies.append(ShownBody(is_footprint))
         return self.bodies[-1]
 

@@ -55,12 +55,6 @@ _GAP = 3.0
 _View: TypeAlias = tuple[str, Least]
 
 
-def _views(result: Result) -> Sequence[_View | None]:
-    """Return the scenes to show: the deepest contacts, else the least separation, else None."""
-    found = sorted(deepest_contacts(result)[:_MAX_SCENES], key=lambda contact: contact.deepest)
-    return [(one.footprint, one.least) for one in found] or [result.nearest]
-
-
 def write_picture(result: Result, path: str) -> None:
     """Write the picture of a result; the same result gives the same bytes."""
     # Names may have dollar signs, which mark no formulas.
@@ -70,7 +64,10 @@ def write_picture(result: Result, path: str) -> None:
 
 def draw_picture(result: Result) -> Figure:
     """Return a result as a figure; of a check with `keyframes`."""
-    lanes, views = lanes_of(result), _views(result)
+    lanes = lanes_of(result)
+    # The deepest contacts, else the least separation, else nothing but the scene.
+    deepest = sorted(deepest_contacts(result)[:_MAX_SCENES], key=lambda contact: contact.deepest)
+    views: list[_View | None] = [(one.footprint, one.least) for one in deepest] or [result.nearest]
     height = lanes[-1].end if lanes else 1
     below = _ROW * height
     columns = min(len(views), _COLUMNS)

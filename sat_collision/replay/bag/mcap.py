@@ -258,7 +258,6 @@ class McapFile(Storage):
                                  'its statistics announce {2}', names)
 
     def _read(self, at: int, size: int) -> bytes:
-        """Return bytes of the file."""
         if size > self._max_bytes:
             raise Damage(f'{size} bytes at once: allow more with --max-memory')
         data = os.pread(self._file, size, at)

@@ -23,7 +23,7 @@ from sat_collision.extras import in_one_line
 from sat_collision.replay.bag.mcap import McapFile
 from sat_collision.replay.bag.sqlite import SqliteFile
 from sat_collision.replay.bag.storage import (
-    Damage, Faults, in_rows, in_time_order, is_installed, Limits, Message, Row, Scratch, Storage,
+    Damage, Faults, in_time_order, is_installed, Limits, Message, Row, Scratch, Storage,
     unpacked, why_not_unpacked, ZSTD_MAGIC)
 import yaml
 
@@ -270,8 +270,7 @@ def _is_latched(profiles: Any) -> bool:
         except Exception:  # as in read_metadata
             return False
     return isinstance(profiles, list) and any(
-        isinstance(profile, dict) and profile.get('durability') in _LATCHED
-        for profile in profiles)
+        isinstance(one, dict) and one.get('durability') in _LATCHED for one in profiles)
 
 
 def _entry(content: Any, key: str, kind: type) -> Any:
@@ -308,12 +307,8 @@ class Rosbag2Storage(Storage):
             self.start = metadata.starting_time.nanoseconds
             self.end = self.start + metadata.duration.nanoseconds
 
-    def rows(self, topics: Collection[str], start: int | None = None,
-             stop: int | None = None) -> Iterator[Row]:
-        return in_rows(self._read(topics, start, stop))
-
-    def _read(self, topics: Collection[str], start: int | None,
-              stop: int | None) -> Iterator[Message]:
+    def _messages(self, topics: Collection[str], start: int | None,
+                  stop: int | None) -> Iterator[Message]:
         import rosbag2_py
         there = [topic for topic in topics if topic in self.topics]
         if not there:

@@ -23,11 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 from sat_collision.extras import in_one_line
 from sat_collision.replay.bag.storage import (
-    Damage, EMPTY, Faults, in_rows, Limits, Message, Row, Scratch, Storage)
+    Damage, EMPTY, Faults, Limits, Message, Scratch, Storage)
 
 _LOGS = ('-wal', '-journal')
-_COLUMNS = {'topics': {'id', 'name', 'type'},
-            'messages': {'id', 'topic_id', 'timestamp', 'data'}}
+_COLUMNS = {'topics': {'id', 'name', 'type'}, 'messages': {'id', 'topic_id', 'timestamp', 'data'}}
 _SURVEY = """
 SELECT topic_id, timestamp, CASE typeof(data) WHEN 'blob' THEN length(data) ELSE -1 END
 FROM messages NOT INDEXED"""
@@ -79,12 +78,8 @@ class SqliteFile(Storage):
         if self._connection:
             self._connection.close()
 
-    def rows(self, topics: Collection[str], start: int | None = None,
-             stop: int | None = None) -> Iterator[Row]:
-        return in_rows(self._read(topics, start, stop))
-
-    def _read(self, topics: Collection[str], start: int | None,
-              stop: int | None) -> Iterator[Message]:
+    def _messages(self, topics: Collection[str], start: int | None,
+                  stop: int | None) -> Iterator[Message]:
         if not self._connection:
             return
         read: Counter[str] = Counter()

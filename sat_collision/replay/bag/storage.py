@@ -122,6 +122,11 @@ class Storage:
     def rows(self, topics: Collection[str], start: int | None = None,
              stop: int | None = None) -> Iterator[Row]:
         """Yield the messages of some topics, from start on and before stop (ns)."""
+        return in_rows(self._messages(topics, start, stop))
+
+    def _messages(self, topics: Collection[str], start: int | None,
+                  stop: int | None) -> Iterator[Message]:
+        """Yield them one by one, where a storage does not have `rows` of its own."""
         raise NotImplementedError
 
     def close(self) -> None:
@@ -160,15 +165,12 @@ def in_time_order(files: Iterable[Storage], topics: Collection[str], start: int 
     """
     Yield the rows of files in the order of time; of messages of one time those of earlier files.
 
-    A file is read from where it begins on, so that of files that follow one another only one is in
-    memory.
+    A file is read from where it begins on: of files that follow one another only one is in memory.
     """
     ordered = sorted(files, key=lambda file: file.start or 0)
-    # The next time of each file, its number, its next row and the rows after that; None if it has
-    # not begun.
+    # The next time of each file, its number, its next row (None if it has not begun), those after.
     heads: list[tuple[int, int, Row | None, Iterator[Row]]] = [
-        (file.start or 0, number, None, iter(()))
-        for number, file in enumerate(ordered)]
+        (file.start or 0, number, None, iter(())) for number, file in enumerate(ordered)]
     while heads:
         _, number, row, rows = heappop(heads)
         if row is None:

@@ -43,6 +43,8 @@ _FOOTER = struct.Struct('<BQQQI')
 _FOOTER_SIZE = _FOOTER.size + len(_MAGIC)
 _LONGEST_RUN = 2**20
 _PIECE = 2**20
+# The largest chunk that is read ahead: files that overlap in time all do so at once.
+_MOST_AHEAD = 2**22
 # Approximate memory of an entry of a list or dict, bytes.
 _ENTRY = 400
 
@@ -145,12 +147,14 @@ class McapFile(Storage):
         # A thread reads the next chunk, decompresses and verifies it without the interpreter lock.
         with ThreadPoolExecutor(1) as reader:
             for chunk, following in zip_longest(chunks, chunks[1:]):
-                room = self._max_bytes - sum(map(len, pending.messages))
+                room = self._max_bytes - pending.size
                 content = (ahead or reader.submit(self._content, chunk, room)).result
-                room -= chunk.plain
-                ahead = (reader.submit(self._content, following, room)
-                         if following and following.plain <= room else None)
-                _, channels = self._load(chunk, content, pending, faults)
+                left = min(room - chunk.plain, _MOST_AHEAD)
+                ahead = (reader.submit(self._content, following, left)
+                         if following and following.plain <= left else None)
+                _, channels = self._load(chunk, content, pending,
+                                         faults if chunk.plain <= room else self._faults)
+                del content
                 pending.places += [chunk.at] * (len(pending.times) - len(pending.places))
                 read.update(channels)
                 yield from pending.take(following.first if following else 2**64)
@@ -187,7 +191,8 @@ class McapFile(Storage):
         try:
             self._fill(chunk, content(), pending, times, channels)
         except Damage as damage:
-            problem = str(damage)
+            # Its traceback has the content, and what was submitted refers to it and to this frame.
+            problem = str(damage.with_traceback(None))
         times += pending.times[begun:]
         channels += pending.channels[begun:]
         where = f'damaged in the chunk at byte {chunk.where or chunk.at}: '
@@ -442,6 +447,11 @@ class _Pending:
         self.channels: list[int] = []
         self.messages: list[bytes] = []
         self.places: list[int] = []  # positions of their chunks
+
+    @property
+    def size(self) -> int:
+        """Bytes that the records of the messages have."""
+        return sum(map(len, self.messages)) + _MESSAGE_RECORD.size * len(self.messages)
 
     def take(self, until: int) -> Iterator[Row]:
         """Yield and drop messages from before a time; those of equal times as in the file."""

@@ -360,11 +360,12 @@ def test_chunk_that_would_fill_memory_is_refused(tmp_path, compression, claim):
     assert 'a.mcap' in done.stdout
 
 
-def test_overlapping_chunks_respect_the_memory_limit(tmp_path):
+@pytest.mark.parametrize('summary', ({}, WITHOUT_SUMMARY))
+def test_overlapping_chunks_respect_the_memory_limit(tmp_path, summary):
     """Every chunk reaches to the end of the recording, so none can be released."""
     messages = [('/footprint', time, box(0)) for k in range(50)
                 for time in (k / 100, *[50.0 + k / 100] * 30)]
-    file = write_mcap(tmp_path / 'a.mcap', messages, chunk_size=2900)
+    file = write_mcap(tmp_path / 'a.mcap', messages, chunk_size=2900, **summary)
     assert check(file).problems == []
     few, = check(file, Options(limits=Limits(memory=8 * 20_000))).problems
     assert '--max-memory' in few

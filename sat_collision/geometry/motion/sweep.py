@@ -89,7 +89,7 @@ def time_of_contact(a0: ArrayLike, a1: ArrayLike, b0: ArrayLike, b1: ArrayLike,
     """
     tolerance, margin = limits(tolerance, margin)
     p0, p1, q0, q1 = (coordinates(pose) for pose in (a0, a1, b0, b1))
-    a_start, a_end, b_start, b_end = (Polygon(pose) for pose in (p0, p1, q0, q1))
+    a_start, a_end, b_start, b_end = (Polygon(pose, len(pose)) for pose in (p0, p1, q0, q1))
     a, a_ends = moving_body(p0, p1, a_start, a_end)
     b, b_ends = moving_body(q0, q1, b_start, b_end)
     if stays_apart(a, b, margin):

@@ -10,6 +10,7 @@
 """Contacts in recorded motion: between messages, at equal stamps, and of late ones."""
 
 from builders import collection, SECOND, serialised
+import numpy as np
 from published import load
 import pytest
 import recordings
@@ -525,6 +526,18 @@ def test_robot_passes_both_prongs_of_a_fork_between_two_messages(tmp_path):
         assert (first, last) == pytest.approx((left - 0.125, right), abs=1e-5)
         assert first < deepest < last and contact.depth > 0.0
     assert result.footprints[0].undetermined == 0
+
+
+def test_outline_of_many_vertices_passes_between_two_messages(tmp_path):
+    """It has more than a polygon may have that nothing declares."""
+    angles = np.linspace(0.0, 2.0 * np.pi, 1100, endpoint=False)
+    disc = np.column_stack([np.cos(angles), np.sin(angles)])
+    messages = [message for k in range(4) for message in (
+        at(k / 10, box(9.0), topic='/footprint'), at(k / 10, disc + (6.0 * k, 0.5)),
+        at(k / 10, []))]
+    contact, = check(write(tmp_path / 'bag', messages), Options(
+        parameters={'max_vertices': 2000})).contacts
+    assert contact.found == BETWEEN_SAMPLES
 
 
 def test_first_polygons_of_too_large_a_collection_count(tmp_path):

@@ -198,8 +198,7 @@ class FootprintMonitor(Node):
             self._publish_changes()
         return now
 
-    def receive(self, name: str, messages: Sequence[bytes], now: int,
-                number: int | None) -> None:
+    def receive(self, name: str, messages: Sequence[bytes], now: int, number: int | None) -> None:
         if name in TRANSFORM_TOPICS:
             for k, data in enumerate(messages):
                 self._log(self._monitor.receive_transforms(name, data, now, number and number + k))
@@ -213,17 +212,14 @@ class FootprintMonitor(Node):
             self._log(rejections)
 
     def begin_stream(self, name: str) -> None:
-        """Update the publishers before the first message of a publisher is received."""
         endpoints = self._inputs.publishers.at_beginning(name)
         if endpoints is not None:
             self._monitor.update_publishers(name, endpoints)
 
     def change_publisher(self, name: str) -> None:
-        """Begin another stream of an input, whatever the number of its next message."""
         self._monitor.interrupt(name)
 
     def note_matched(self, name: str, event: QoSSubscriptionMatchedInfo) -> bool:
-        """Record matched publishers; begin anew where one came; return whether one did."""
         if not (event.total_count_change or event.current_count_change):
             return False
         self._inputs.publishers.note_matched(name, event)
@@ -233,7 +229,6 @@ class FootprintMonitor(Node):
         return True
 
     def note_liveliness(self, name: str, event: QoSLivelinessChangedInfo) -> bool:
-        """Record lost liveliness; begin anew where a publisher lives again; return whether so."""
         change = event.not_alive_count_change
         if not (change or event.alive_count_change):
             return False
@@ -443,7 +438,9 @@ def run(args: Sequence[str]) -> int:
     except RuntimeError as error:  # raised by rcl for an unreadable parameter file
         print(f'{NAME}: cannot start: {in_one_line(error)}', file=sys.stderr)
         return 1
-    _quieten_rcl()
+    # At debug rcl logs each take.
+    if get_logger_level('rcl') is LoggingSeverity.UNSET:
+        set_logger_level('rcl', max(LoggingSeverity.INFO, get_logger_effective_level('rcl')))
     try:
         node = FootprintMonitor(context=context)
     except (ParameterError, ParameterException, NameValidationException) as error:
@@ -477,12 +474,6 @@ def _begin_ros(args: Sequence[str]) -> Context:
         print(f'{NAME}: the log goes to this stream only, not to a file: {in_one_line(error)}',
               file=sys.stderr)
         return begin('--disable-external-lib-logs')
-
-
-def _quieten_rcl() -> None:
-    """Keep rcl at level info, unless its own level is given: at debug it logs each take."""
-    if get_logger_level('rcl') is LoggingSeverity.UNSET:
-        set_logger_level('rcl', max(LoggingSeverity.INFO, get_logger_effective_level('rcl')))
 
 
 def unused_files(ros: Sequence[str], node: str) -> Iterator[str]:

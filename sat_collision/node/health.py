@@ -12,7 +12,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -37,12 +37,12 @@ class Health:
     `facts` are values that stay the same while the node runs, such as the kernel in use.
     """
 
-    def __init__(self, node: Node, facts: Mapping[str, str]) -> None:
+    def __init__(self, node: Node, facts: dict[str, str]) -> None:
         self._node = node
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         name = node.get_fully_qualified_name()
         self._status = DiagnosticStatus(name=f'{name}: health', hardware_id=name)
-        self._facts = facts
+        self.facts = facts
         self._flag = node.resolve_topic_name('~/collision')
         self._events: Counter[tuple[str, str]] = Counter()
         self._news: Counter[str] = Counter()
@@ -59,10 +59,6 @@ class Health:
         self._stalls = 0
         self._longest_stall = 0.0
         self._changes: dict[str, str] = {}
-
-    def note_fact(self, name: str, value: str) -> None:
-        """Record a value that stays the same while the node runs."""
-        self._facts = {**self._facts, name: value}
 
     def note_change(self, name: str, old: object, new: object) -> None:
         """Record a change of a parameter."""
@@ -114,7 +110,7 @@ class Health:
         transforms = monitor.transforms
         refused = monitor.rejected.total() + transforms.rejected.total()
         lost = monitor.lost.total()
-        values = dict(self._facts)
+        values = dict(self.facts)
         values['check time mean [ms]'] = f'{1e3 * self._seconds / max(self._messages, 1):.3f}'
         values['longest batch [ms]'] = f'{1e3 * self._longest:.3f}'
         received = monitor.received + transforms.received
@@ -125,7 +121,10 @@ class Health:
             values['transforms: rate [Hz]'] = (
                 f'{(transforms.transforms - self._transforms) / period:.1f}')
         self._transforms = transforms.transforms
-        twice = self._published_twice(transforms.turns)
+        # How often the publishers of a frame took turns since the last message, if often.
+        twice = {child: count - self._turns[child] for child, count in transforms.turns.items()
+                 if count - self._turns[child] >= _FEW_TURNS}
+        self._turns = transforms.turns.copy()
         for child, count in twice.items():
             values[f'transforms of {in_words(child)}: publishers took turns'] = str(count)
         for name, count in monitor.waiting.counts().items():
@@ -158,8 +157,7 @@ class Health:
         if lost > self._lost:
             problems.append(f'messages lost: {lost - self._lost}')
         problems += [f'{name} is behind by {backlog.seconds:.3f} s'
-                     for name, backlog in self.backlogs.items()
-                     if backlog.seconds > _NOTEWORTHY]
+                     for name, backlog in self.backlogs.items() if backlog.seconds > _NOTEWORTHY]
         problems += [f'{what}: {count}' for what, count in (+self._news).items()]
         self._news.clear()
         self._status.level = DiagnosticStatus.WARN if problems else DiagnosticStatus.OK
@@ -172,10 +170,3 @@ class Health:
         self._refused, self._lost = refused, lost
         self._begun = now
         self._messages, self._seconds, self._longest = 0, 0.0, 0.0
-
-    def _published_twice(self, turns: Counter[str]) -> dict[str, int]:
-        """Return by frame how often its publishers took turns since the last message, if often."""
-        news = {child: count - self._turns[child] for child, count in turns.items()
-                if count - self._turns[child] >= _FEW_TURNS}
-        self._turns = turns.copy()
-        return news

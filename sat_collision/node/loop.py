@@ -68,8 +68,7 @@ class Backlog(NamedTuple):
 class Receiver(Protocol):
     """The handlers of messages and ticks that the loop calls."""
 
-    def receive(self, name: str, messages: Sequence[bytes], now: int,
-                number: int | None) -> None:
+    def receive(self, name: str, messages: Sequence[bytes], now: int, number: int | None) -> None:
         """
         Receive consecutive messages of one publisher on the topic of an input.
 
@@ -164,7 +163,6 @@ class LoopOwnedGroup(CallbackGroup):
         return not isinstance(entity, Subscription)
 
     def beginning_execution(self, entity: Any) -> bool:
-        """Return False for a subscription."""
         return self.can_execute(entity)
 
     def ending_execution(self, entity: Any) -> None:
@@ -367,8 +365,7 @@ class _Topic:
         self._is_empty = True
         self._limit = _FEWEST_TOGETHER
 
-    def take(self, budget: float, now: int,
-             between: Callable[[int], None] | None = None) -> int:
+    def take(self, budget: float, now: int, between: Callable[[int], None] | None = None) -> int:
         """
         Pass queued messages to the receiver, for `budget` s at most; return how many.
 

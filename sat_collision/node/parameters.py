@@ -81,21 +81,19 @@ class Parameters:
         return value
 
     def _validate(self, parameters: list[Parameter]) -> SetParametersResult:
-        for parameter in parameters:
-            spec = self._specs.get(parameter.name)
-            if self._is_locked(parameter.name):
-                return SetParametersResult(
-                    successful=False,
-                    reason=f'{parameter.name} is locked: lock_parameters is true')
-            if spec and spec.choices and parameter.value not in spec.choices:
-                return SetParametersResult(
-                    successful=False, reason=f"{parameter.name}: '{parameter.value}' is not one "
-                                             f'of {", ".join(spec.choices)}')
         problem = self._problem({one.name: one.value for one in parameters})
         return SetParametersResult(successful=not problem, reason=problem)
 
     def _problem(self, changes: dict[str, Any]) -> str:
-        """Return why changes are invalid while the node runs, empty if they are valid."""
+        """Return why changes are refused, empty if they are valid."""
+        for name, value in changes.items():
+            spec = self._specs.get(name)
+            if self._on_change and self.settings.lock_parameters and (
+                    name == _USE_SIM_TIME or spec and spec.safety):
+                return f'{name} is locked: lock_parameters is true'
+            if spec and spec.choices and value not in spec.choices:
+                return f"{name}: '{value}' is not one of {', '.join(spec.choices)}"
+        # At the start all values are read together.
         if not self._on_change or not self._specs.keys() & changes:
             return ''
         try:
@@ -106,11 +104,6 @@ class Parameters:
             if one.has_outline != other.has_outline:
                 return f'{one.name}.points: whether there is an outline is fixed at the start'
         return ''
-
-    def _is_locked(self, name: str) -> bool:
-        """Return whether `lock_parameters` forbids changing a parameter."""
-        decides = name == _USE_SIM_TIME or (name in self._specs and self._specs[name].safety)
-        return self._on_change is not None and decides and self.settings.lock_parameters
 
     def _apply(self, parameters: list[Parameter]) -> None:
         if not self._on_change:

@@ -125,7 +125,7 @@ class Subscriptions:
         self.publishers = Publishers(node, self.inputs)
         if self._unsupported:
             events = ', '.join(sorted(self._unsupported))
-            health.note_fact('events that the middleware lacks', events)
+            health.facts['events that the middleware lacks'] = events
             node.get_logger().warning(
                 f'{get_rmw_implementation_identifier()} has no events of these kinds: {events}; '
                 'what they would tell of publishers is noticed later, or not at all')
@@ -169,8 +169,7 @@ class Subscriptions:
                 'other type, and QoS overrides that the middleware accepts') from error
         self._node.get_logger().info(f'{source.name}: {kind.__name__} on {source.topic}')
 
-    def _report_incompatible_qos(self, topic: str,
-                                 event: QoSRequestedIncompatibleQoSInfo) -> None:
+    def _report_incompatible_qos(self, topic: str, event: QoSRequestedIncompatibleQoSInfo) -> None:
         policy = qos_policy_name_from_kind(event.last_policy_kind)
         self._node.get_logger().error(
             f'{topic}: a publisher offers a {policy} that this node cannot accept, so nothing '

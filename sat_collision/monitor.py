@@ -83,8 +83,7 @@ class Monitor:
         self.transforms.configure(settings)
         self.outlines.configure(settings)
         self.scene.update(settings)
-        self._request_maps(self._now)
-        self.ingest.follow_maps(self._now)
+        self._follow_maps(self._now)
         return self.outlines.follow(self._now)
 
     @property
@@ -143,8 +142,7 @@ class Monitor:
         self.received[name] += applied
         return applied
 
-    def receive_mixed(self, name: str, messages: Sequence[bytes],
-                      now: int) -> Sequence[Rejection]:
+    def receive_mixed(self, name: str, messages: Sequence[bytes], now: int) -> Sequence[Rejection]:
         """
         Receive messages while one more publisher was matched with the topic.
 
@@ -205,17 +203,17 @@ class Monitor:
         rejections = self.outlines.follow(now)
         if self.waiting.earliest < NEVER:
             rejections += self.waiting.apply(now)
-        self._request_maps(now)
-        self.ingest.follow_maps(now)
+        self._follow_maps(now)
         return rejections
 
-    def _request_maps(self, now: int) -> None:
-        """Request maps again that were refused for lack of a transform, once there is one."""
+    def _follow_maps(self, now: int) -> None:
+        """Place maps whose frames have moved; request again those whose transform has come."""
         for name, frame_id in [*self.ingest.untransformed.items()]:
             found = self.transforms.lookup_affine(frame_id, 0, now)
             if not isinstance(found, NoTransform):
                 del self.ingest.untransformed[name]
                 self.scene.sources[name].request_history()
+        self.ingest.follow_maps(now)
 
     def _pass_time(self, now: int) -> None:
         """
@@ -259,8 +257,7 @@ class Monitor:
         self.waiting.clear(now)
         self.ingest.follow_maps(self._now)
 
-    def _admit(self, name: str, data: bytes, number: int | None,
-               now: int) -> Sequence[Rejection]:
+    def _admit(self, name: str, data: bytes, number: int | None, now: int) -> Sequence[Rejection]:
         """Apply a message or queue it: for a transform, or behind messages that wait for one."""
         settings = self.scene.settings_of(name)
         if not settings.enabled:

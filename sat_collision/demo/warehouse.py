@@ -84,11 +84,7 @@ COURIER_START = 15.5, 7.0, np.pi
 COURIER_DISTANCE = 6.9
 
 # The obstacles that each robot touches in turn, as (source, number of the obstacle).
-CONTACTS = {
-    'amr': [('people', 0)],
-    'forklift': [('warehouse', 2)],
-    'cart': [('warehouse', 6)],
-}
+CONTACTS = {'amr': [('people', 0)], 'forklift': [('warehouse', 2)], 'cart': [('warehouse', 6)]}
 
 
 def footprint(name: str, time: float) -> Outline:

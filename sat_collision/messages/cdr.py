@@ -62,8 +62,7 @@ _names: dict[bytes, str] = {}
 # each message the points start; and TRIPLE. Of polygons in one message: as `geometry.run.Run` has
 # bytes, offsets and numbers; IN_ONE_MESSAGE, or 0 if there are none; and PAIR.
 RunPoints: TypeAlias = tuple[bytes, Any, int, int]
-# Parent and child frame, stamp in ns, and the transform as received: its rotation may have any
-# length.
+# Parent and child frame, stamp in ns, transform as received: its rotation may have any length.
 StampedTransform: TypeAlias = tuple[str, str, int, Transform]
 
 

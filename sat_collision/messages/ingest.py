@@ -215,8 +215,7 @@ class Ingest:
                 if followed and self._followed.setdefault(name, {}).get(followed) != affine:
                     self.follow_maps(now)
                 if settings.moving and obstacle and instance is not None and refusal is None:
-                    scene.sources[name].track(
-                        instance, stamp or now, vertices_of(points, affine))
+                    scene.sources[name].track(instance, stamp or now, vertices_of(points, affine))
         except (MessageError, PolygonError) as error:
             return self.refuse(settings, _reason_of(error), str(error), now, stamp, instance,
                                number)
@@ -348,8 +347,7 @@ class Ingest:
                 limits[frame_id] = '', NEVER if found.at is None else found.at + timeout
                 if found.affine != affines.get(frame_id):
                     affines[frame_id] = found.affine
-                    self._scene.follow_frame(name, frame_id,
-                                             partial(self._body_at, found.affine))
+                    self._scene.follow_frame(name, frame_id, partial(self._body_at, found.affine))
                     if self._placements is not None:
                         self._placements.append(Placement(
                             name, now, self._fixed, _NO_POINTS, found.affine, None,

@@ -90,9 +90,8 @@ class Outputs:
         self._clock = node.get_clock()
         self._scene = scene
         self._common_flag = node.create_publisher(Bool, '~/collision', flag_qos)
-        self._flags = {
-            footprint.name: node.create_publisher(Bool, f'~/{footprint.name}/collision', flag_qos)
-            for footprint in settings.footprints}
+        self._flags = {one.name: node.create_publisher(Bool, f'~/{one.name}/collision', flag_qos)
+                       for one in settings.footprints}
 
         def publishers(kind: Any, topic: str, names: Iterable[str]) -> dict[str, Any]:
             return {name: node.create_publisher(kind, f'~/{name}/{topic}', 10) for name in names}
@@ -123,8 +122,7 @@ class Outputs:
         if settings.unknown_is_collision:
             self._raising.append(Status.UNKNOWN)
         # If none is enabled, all count: they are unknown.
-        self._watched = ({footprint.name for footprint in settings.footprints if footprint.enabled}
-                         or set(self._flags))
+        self._watched = {one.name for one in settings.footprints if one.enabled} or {*self._flags}
         self.update(self._flags)
         self.find_subscribers()
 
@@ -185,10 +183,8 @@ class Outputs:
             is_known = self.measures and scene.status(name) is not Status.UNKNOWN
             is_measured = is_named and name in self._measured
             is_timed = is_named and name in self._timed
-            nearest = (scene.nearest(name)
-                       if is_known and (with_states or is_measured) else None)
-            prediction = (scene.prediction(name)
-                          if is_known and (with_states or is_timed) else None)
+            nearest = scene.nearest(name) if is_known and (with_states or is_measured) else None
+            prediction = scene.prediction(name) if is_known and (with_states or is_timed) else None
             if is_measured:
                 self._separations[name].publish(
                     _number(nearest.separation if nearest else math.inf) if is_known else _UNKNOWN)

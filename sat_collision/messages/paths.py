@@ -149,8 +149,7 @@ class Paths:
         outline = self._outlines.polygon(name)
         try:
             if scene.is_placed(name):
-                path.advance(self._outlines.pose(name),
-                             float(np.hypot(*outline.vertices.T).max()))
+                path.advance(self._outlines.pose(name), float(np.hypot(*outline.vertices.T).max()))
             return scene.check_path(name, path, outline)
         except ValueError as error:
             return PathCheck(math.nan, f'the path on {latest.topic} cannot be checked: {error}')

@@ -21,7 +21,6 @@ from rosbags.typesys import get_typestore, Stores
 STORE = get_typestore(Stores.ROS2_JAZZY)
 
 _ENCAPSULATIONS = (b'\x00\x00', b'\x00\x01')  # plain CDR, big and little endian
-_QUATERNION = 'geometry_msgs/msg/Quaternion'
 
 
 def serialize(message: Any) -> bytes:
@@ -52,7 +51,7 @@ def message_class(name: str) -> type:
             setattr(self, field, value)
         if values:
             raise TypeError(f'{name} has no field {", ".join(values)}')
-        if name == _QUATERNION and not (self.x or self.y or self.z):
+        if name == 'geometry_msgs/msg/Quaternion' and not (self.x or self.y or self.z):
             self.w = 1.0
 
     package, _, short = name.split('/')

@@ -25,12 +25,8 @@ from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import Settings
 from sat_collision.scene.view import Nearest
 
-_LEVELS = {
-    Status.CLEAR: DiagnosticStatus.OK,
-    Status.IMMINENT: DiagnosticStatus.WARN,
-    Status.COLLISION: DiagnosticStatus.ERROR,
-    Status.UNKNOWN: DiagnosticStatus.STALE,
-}
+_LEVELS = {Status.CLEAR: DiagnosticStatus.OK, Status.IMMINENT: DiagnosticStatus.WARN,
+           Status.COLLISION: DiagnosticStatus.ERROR, Status.UNKNOWN: DiagnosticStatus.STALE}
 _NAMED_IN_MESSAGE = 3
 _NOT_MEASURED = 'distances are not measured yet: their kernels are being compiled'
 _MOVING = ('age', 'least separation', 'nearest obstacle', 'nearest obstacle is newer by',
@@ -71,7 +67,6 @@ class States:
         self._packed = dict.fromkeys(self._statuses, b'')
 
     def update(self, scene: Scene) -> None:
-        """Write the states of all footprints."""
         for name in self._statuses:
             self.write(name, scene.state(name), coordinate_step(scene.polygon(name)))
 

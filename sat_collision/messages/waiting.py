@@ -59,7 +59,6 @@ class _Queue:
         self.size += len(held.data)
 
     def pop(self) -> None:
-        """Drop the first item."""
         self.size -= len(self.items.popleft().data)
         self.first += 1
 

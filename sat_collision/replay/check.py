@@ -116,8 +116,6 @@ def check_recording(recording: Recording, options: Options, progress: OnProgress
 
 
 class _Check:
-    """The check of one recording."""
-
     def __init__(self, recording: Recording, settings: Settings, options: Options,
                  result: Result, moments: Sequence[int]) -> None:
         self._recording = recording
@@ -125,9 +123,8 @@ class _Check:
         self._options = options
         self._result = result
         footprints = self._footprints = [
-            FootprintResult(footprint.name, footprint.topic, footprint.enabled,
-                            start_up=_start_up(footprint, settings))
-            for footprint in settings.footprints]
+            FootprintResult(one.name, one.topic, one.enabled, start_up=_start_up(one, settings))
+            for one in settings.footprints]
         self._transforms = [topic for topic in TRANSFORM_TOPICS if settings.frame_id
                             and recording.topics.get(topic) == TRANSFORM_TYPE]
         # Not yet passed to recorded motion; at once with outlines, which look up transforms.
@@ -217,10 +214,9 @@ class _Check:
             result.notes += self._motion.notes
             result.count_times()
         result.notes += [
-            f'a contact with {source.name} may be with where an obstacle was: {advice}'
-            for source in self._settings.obstacles if source.enabled
-            and self._monitor.received[source.name]
-            and (advice := self._scene.sources[source.name].advice)]
+            f'a contact with {one.name} may be with where an obstacle was: {advice}'
+            for one in self._settings.obstacles if one.enabled and self._monitor.received[one.name]
+            and (advice := self._scene.sources[one.name].advice)]
         if self._drawing:
             result.keyframes = self._drawing.keyframes
 
@@ -545,10 +541,9 @@ def _is_empty(with_id: bool, data: bytes) -> bool:
 
 def _start_up(footprint: FootprintSettings, settings: Settings) -> int:
     """Return for how long in ns after the start some source of a footprint cannot be known."""
-    return max((round((source.timeout + settings.future_tolerance) * 1e9)
-                for source in settings.obstacles if source.enabled
-                and source.ending == NONE and source.timeout and footprint.monitors(source.name)),
-               default=0)
+    return max((round((one.timeout + settings.future_tolerance) * 1e9)
+                for one in settings.obstacles if one.enabled and one.timeout
+                and one.ending == NONE and footprint.monitors(one.name)), default=0)
 
 
 class Timer:

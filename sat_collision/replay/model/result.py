@@ -32,8 +32,7 @@ RECEIVE = 'receive'
 HEADER = 'header'
 PLAN = 'plan'
 _SECOND = 10**9
-# Number of moments drawn over all time, and around each of the deepest contacts; max number of
-# these contacts.
+# Moments drawn over all time, and around each of the deepest contacts; max of these contacts.
 _MOMENTS = 400
 _AROUND = 40
 _MAX_AROUND = 20
@@ -306,8 +305,7 @@ class Result:
     @property
     def nearest(self) -> tuple[str, Least] | None:
         """The footprint of the least separation, and that; None if none was found."""
-        found = [(footprint.name, footprint.least) for footprint in self.footprints
-                 if footprint.least]
+        found = [(one.name, one.least) for one in self.footprints if one.least]
         return min(found, key=lambda one: one[1].separation, default=None)
 
     @property
@@ -340,16 +338,14 @@ class Result:
     def too_soon(self) -> list[FootprintResult]:
         """The footprints whose least time to collision is less than allowed."""
         limit = self.options.min_ttc
-        return [] if limit is None else [
-            footprint for footprint in self.footprints
-            if footprint.soonest and footprint.soonest.time_to_collision < limit]
+        return [one for one in self.footprints if limit is not None
+                and one.soonest and one.soonest.time_to_collision < limit]
 
     @property
     def planners(self) -> list[FootprintResult]:
         """The footprints whose plans count for the verdict."""
-        return [] if self.options.fail_on != PLAN else [
-            footprint for footprint in self.footprints
-            if footprint.enabled and footprint.plans is not None]
+        return [one for one in self.footprints if self.options.fail_on == PLAN
+                and one.enabled and one.plans is not None]
 
     @property
     def verdict(self) -> Verdict:
@@ -359,10 +355,9 @@ class Result:
             return Verdict.COLLISION
         if self.problems:
             return Verdict.BAD_INPUT
-        if self.too_unknown or self.too_undetermined or any(
-                one.plans_unknown or not one.plans for one in planners) or any(
-                source.refused for source in self.sources) or not any(
-                footprint.enabled for footprint in self.footprints):
+        if (self.too_unknown or self.too_undetermined or any(one.refused for one in self.sources)
+                or any(one.plans_unknown or not one.plans for one in planners)
+                or not any(one.enabled for one in self.footprints)):
             return Verdict.UNKNOWN
         return Verdict.CLEAR
 

@@ -114,7 +114,7 @@ class Sweep:
                 self.prediction.drop_before(self.trajectory.latest - self._keep)
 
     def _decide_known(self, now: int) -> None:
-        """Decide steps until when the trajectory is known, or too old for another sample."""
+        """Decide the steps up to where the trajectory is known, or too old for another sample."""
         over, latest = now - 2 * self.trajectory.longest - 1, self.trajectory.latest
         known = over if latest is None else max(latest, over)
         while self._waiting and (finish := self._waiting[0][1].finish) <= known:

@@ -18,8 +18,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 from sat_collision.demo import warehouse
-from sat_collision.messages.interfaces import (
-    Point32, PolygonStamped, serialize, Time, type_name)
+from sat_collision.messages.interfaces import Point32, PolygonStamped, serialize, Time, type_name
 from sat_collision.messages.outputs import Outputs
 from sat_collision.monitor import Monitor
 from sat_collision.replay.bag.storage import check_bag_writer, is_installed
@@ -156,6 +155,7 @@ class _ByRosbags:
         self._store = STORE
         self._writer = Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
         self._writer.open()
+        self.close = self._writer.close
         self._connections: dict[str, Any] = {}
 
     def add_topic(self, topic: str, kind: str) -> None:
@@ -167,9 +167,6 @@ class _ByRosbags:
         kind = connection.msgtype
         clean = self._store.serialize_cdr(self._store.deserialize_cdr(data, kind), kind)
         self._writer.write(connection, time, clean)
-
-    def close(self) -> None:
-        self._writer.close()
 
 
 class _ByRosbag2:
@@ -183,6 +180,7 @@ class _ByRosbag2:
                               rosbag2_py.ConverterOptions('', ''))
         except RuntimeError as error:  # whatever rosbag2 raises
             raise OSError(f'{path}: {error}') from error
+        self.close = self._writer.close
         self._count = 0
 
     def add_topic(self, topic: str, kind: str) -> None:
@@ -193,9 +191,6 @@ class _ByRosbag2:
 
     def write(self, topic: str, time: int, data: bytes) -> None:
         self._writer.write(topic, data, time)
-
-    def close(self) -> None:
-        self._writer.close()
 
 
 _Writer: TypeAlias = _ByRosbags | _ByRosbag2

@@ -225,8 +225,7 @@ def _body(body: ShownBody, names: dict[str, int], numbers: Sequence[int]) -> dic
         spans.append([first, end, None if span.name == name else span.name, span.known,
                       [int(differs), *(ring if differs else ring - last).tolist()]])
         name, last = span.name, ring
-    return {'footprint': names[body.spans[0].name] if body.is_footprint else None,
-            'spans': spans}
+    return {'footprint': names[body.spans[0].name] if body.is_footprint else None, 'spans': spans}
 
 
 def _ring(ring: Floats) -> Any:
@@ -290,8 +289,7 @@ def _tables_of(result: Result, contacts: list[Contact], most: int) -> list[dict[
         'found at a sample: at the stamp of a message; else in the motion between two messages')
     footprints = found['footprints']
     tables = [
-        ('Contacts', '; '.join(filter(None, (deepest, sample))),
-         found['contacts']),
+        ('Contacts', '; '.join(filter(None, (deepest, sample))), found['contacts']),
         ('Plans in contact', '', found['plans in contact']),
         ('Plans', '', found['plans checked']),
         *((state.capitalize(), *_longest(result, intervals, most))

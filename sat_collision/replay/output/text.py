@@ -105,8 +105,7 @@ def report(result: Result) -> list[str]:
                       f'    the first one: {source.examples[reason]}']
     lines += [f'  {source.name}: {source.lost} messages lost when it was recorded'
               for source in result.sources if source.lost]
-    lines += [f'  {footprint.name}: {how_soon(footprint, result)}'
-              for footprint in result.too_soon]
+    lines += [f'  {one.name}: {how_soon(one, result)}' for one in result.too_soon]
     for title, table in tables_of(result, result.contacts).items():
         lines += _in_lines(title, table)
     for state, intervals in result.undecided.items():

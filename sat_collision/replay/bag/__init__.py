@@ -10,6 +10,11 @@
 """
 Reading recordings, whole or damaged.
 
+recording    a bag, of one or more storage files, opened once
+mcap         MCAP storage
+sqlite       SQLite storage (.db3)
+storage      common to the readers: faults, limits, decompression
+
 The readers are our own because others stop at damage: in randomly damaged files, in which a
 footprint touched something, ours find 63 % of the contacts, the libraries mcap and rosbags 58 %
 and 21 %. Ours also read MCAP 1.7 to 2.9 times as fast, read the log that a killed recorder left

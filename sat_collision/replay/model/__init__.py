@@ -7,4 +7,10 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Options, settings and results of a check."""
+"""
+Options, settings and results of a check.
+
+result          what to check and how; what was found, and the verdict
+configuration   the node's parameters, and which topics are footprints and which are obstacles
+keyframes       where all bodies were at moments worth drawing
+"""

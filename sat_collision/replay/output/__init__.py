@@ -7,4 +7,12 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Results for people, machines and other nodes."""
+"""
+Results for people, machines and other nodes.
+
+text       the report and progress on a terminal; words, colours and rows of charts for all
+formats    JSON, CSV and JUnit XML; what differs from a result stored before
+figure     a picture
+page       a page for a browser
+bag        a bag of what the node would have published, and of the example
+"""

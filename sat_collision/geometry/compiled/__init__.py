@@ -7,4 +7,11 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Kernels: compiled with numba if it is there, otherwise plain Python, alike to the bit."""
+"""
+Kernels: compiled with numba if it is installed, otherwise run as plain Python, alike to the bit.
+
+jit             how a kernel is declared, and what numba makes of it
+kernel_cache    compile each kernel once, and keep it on disk
+compilation     what is said while compiling, and what is wrong with the files kept
+floating_point  checks that floating point is what the proofs of docs/exactness.md assume
+"""

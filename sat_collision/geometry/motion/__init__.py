@@ -7,4 +7,9 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Two moving bodies: when they come into contact."""
+"""
+Two moving bodies: when they come into contact.
+
+sweep       vertices move straight (conservative advancement, Mirtich 1996)
+prediction  bodies move with a constant twist (docs/exactness.md, lemma 22)
+"""

@@ -7,4 +7,11 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Arithmetic on coordinates, with its error bounds."""
+"""
+Arithmetic on coordinates, with its error bounds.
+
+double_double  numbers of twice the precision of a double (docs/exactness.md, lemma 15)
+predicates     exact orientation of three points, by stages (Shewchuk 1997)
+ascending      sorting, and finding a number
+vectors        lengths, units, boxes, and the scaling that keeps them from overflow
+"""

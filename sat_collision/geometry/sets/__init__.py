@@ -7,4 +7,11 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""A body beside many: one compiled call answers for a whole set."""
+"""
+A body beside many: one compiled call answers for a whole set.
+
+set_kernels  which rows of a set meet a body, or are near it
+polygon_set  the public `PolygonSet`
+packed_set   a set whose user keeps track of rows
+run          write a run of messages into a set in one call
+"""

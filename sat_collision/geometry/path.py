@@ -55,6 +55,11 @@ class PathContact(NamedTuple):
     row : int
         The obstacle's row in the set, or its place in the sequence.
 
+    Examples
+    --------
+    >>> first_contact_along([(1, 0)], [(3, 0, 0)], [[(4, 0)]])
+    PathContact(pose=0.0, distance=0.0, row=0)
+
     """
 
     pose: float

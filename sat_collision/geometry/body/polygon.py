@@ -50,7 +50,15 @@ Points: TypeAlias = tuple[bytes, int, int, int]
 
 
 class Reason(enum.Enum):
-    """Why points do not make a polygon."""
+    """
+    Why points do not make a polygon.
+
+    Examples
+    --------
+    >>> [reason.value for reason in Reason][:2]
+    ['empty', 'not finite']
+
+    """
 
     EMPTY = 'empty'
     NOT_FINITE = 'not finite'

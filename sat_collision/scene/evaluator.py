@@ -121,8 +121,7 @@ class Evaluator:
         if footprint.status is Status.UNKNOWN:
             footprint.is_imminent = None
             return deadline
-        found = predict(footprint, self._contacts, self._sources.values(), now,
-                        threshold + _AHEAD)
+        found = predict(footprint, self._contacts, self._sources.values(), now, threshold + _AHEAD)
         seconds = found.seconds if found else math.inf
         if footprint.is_imminent != (seconds <= threshold):
             return self._set_imminent(footprint, seconds <= threshold, now)

@@ -16,8 +16,7 @@ import enum
 from typing import NamedTuple, TypeAlias
 
 from sat_collision.scene.obstacles import Body, Obstacle, ObstacleId
-from sat_collision.scene.settings import (
-    BY_ANOTHER_CLOCK, FAR, FootprintSettings, in_ns, NEVER)
+from sat_collision.scene.settings import BY_ANOTHER_CLOCK, FAR, FootprintSettings, in_ns, NEVER
 from sat_collision.scene.streams import Stream
 from sat_collision.scene.velocity import Command, MotionTracker
 

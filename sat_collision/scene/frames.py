@@ -102,17 +102,8 @@ class Frames:
     evenly, and static transforms hold at all times. Unlike in tf2, nothing is known between two
     stamps that are further apart than `max_gap`.
 
-    Times are ints in ns.
-
-    Parameters
-    ----------
-    history : int
-        For how long before the newest transform of a frame older ones are kept.
-    max_gap : float, optional
-        The longest time between two stamps that is interpolated; NEVER for any.
-    max_tilt : float, optional
-        By how much a frame may be tilted to be projected onto the plane, in rad.
-
+    Transforms of a frame are kept for the `history` before its newest one. A frame that is tilted
+    by more than `max_tilt`, in rad, is not projected onto the plane. Times are ints in ns.
     """
 
     def __init__(self, history: int, max_gap: float = NEVER, max_tilt: float = math.pi) -> None:

@@ -157,7 +157,7 @@ class Listings(Knowledge):
     """
 
     def __init__(self, store: ObstacleStore, settings: ObstacleSettings, tolerance: int) -> None:
-        self._store = store
+        super().__init__(store, settings, tolerance)
         self._next = store.new_set()  # for the next listing
         self._open = self._new_listing(is_sound=False)
         self._whole: _Listing | None = None  # the last one, until it is older than the timeout
@@ -167,7 +167,6 @@ class Listings(Knowledge):
         self._age = 0.0  # of the last whole one when it ended, in s
         self._oldest: ObstacleId | None = None  # of it, None if it has none
         self._end = settings.ending
-        super().__init__(store, settings, tolerance)
 
     @property
     def groups(self) -> list[ObstacleGroup]:
@@ -288,8 +287,7 @@ class Listings(Knowledge):
                     'depth of its publisher to one message more than a map has with its end')
         if self._missed:
             return f'has not sent a whole {what} since {self._missed}'
-        if self._end == EMPTY_POLYGON and (
-                not self._ends or self._ends[-1] + self.timeout < now):
+        if self._end == EMPTY_POLYGON and (not self._ends or self._ends[-1] + self.timeout < now):
             since = 'yet' if is_map or not self._ends else f'for {self.timeout / 1e9:g} s'
             return (f'has not ended a {what} {since}: send an empty polygon after the last '
                     f'obstacle of each {what}' + ('' if is_map else ', or leave set_end out'))

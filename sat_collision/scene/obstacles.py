@@ -65,8 +65,7 @@ class Obstacle(Body[Body[Any]]):
     Its key identifies it in the group that holds it.
     """
 
-    __slots__ = ('group', 'key', 'name', 'time', 'stamp', 'frame_id', 'refused', 'motion',
-                 'sent')
+    __slots__ = ('group', 'key', 'name', 'time', 'stamp', 'frame_id', 'refused', 'motion', 'sent')
 
     def __init__(self, group: Any, source: str, key: int) -> None:
         super().__init__()

@@ -56,8 +56,7 @@ class ParameterError(ValueError):
         super().__init__(' '.join(str(message).split()))
 
 
-def declare_parameters(
-        declare: Callable[[str, Any, Spec], Any]) -> tuple[list[str], list[str]]:
+def declare_parameters(declare: Callable[[str, Any, Spec], Any]) -> tuple[list[str], list[str]]:
     """
     Declare every parameter; return the names of the footprints and of the sources of obstacles.
 

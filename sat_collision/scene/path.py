@@ -126,11 +126,6 @@ class FollowedPath:
         k += int(np.argmin(np.append(goes_on, False)))
         self.progress = first + int(near[k]) + float(along[k])
 
-    def ahead(self) -> NDArray[np.float64]:
-        """Return the poses from the progress on."""
-        k = int(self.progress)
-        return np.vstack([self.at(self.progress), self.poses[k + 1:]])
-
     def at(self, place: float) -> NDArray[np.float64]:
         """Return the pose at a place, on the arc between two poses."""
         k = min(int(place), max(len(self.poses) - 2, 0))
@@ -151,12 +146,12 @@ class FollowedPath:
         if touched := footprint.contacts_reported:
             return PathCheck(0.0, pose=self._received(self.progress), obstacle=touched[0],
                              is_by_travel=self.is_by_travel)
-        ahead = self.ahead()
+        k = int(self.progress)
+        ahead = np.vstack([self.at(self.progress), self.poses[k + 1:]])
         found = contacts.first_on_path(footprint, outline, ahead)
         if found is None:
             return PathCheck(math.inf, is_by_travel=self.is_by_travel)
         body, pose, metres = found
-        k = int(self.progress)
         place = k + pose if pose >= 1.0 else self.progress + pose * (k + 1 - self.progress)
         x, y, yaw = there = self.at(place)
         c, s = math.cos(yaw), math.sin(yaw)

@@ -119,7 +119,6 @@ class Scene(SceneView):
         self._contacts.use_margin(settings.margin)
         self._contacts.changed.update(self._footprints.values())
         self.deadline = self._now - 1
-        self._reevaluate_all()
         self.pass_time(self._now)
 
     def footprint(self, name: str, body: PackedBody, frame_id: str, stamp: int, now: int,

@@ -156,8 +156,7 @@ else:
 @inner
 def nearest_box(rows, indexed, box, skipped):
     """Return the first row of least gap to a box that has a body and is not skipped, or -1."""
-    first = -1
-    least = math.inf
+    first, least = -1, math.inf
     if indexed:
         waiting = scratch_integers(_STACK)
         waiting[0] = 0
@@ -165,8 +164,7 @@ def nearest_box(rows, indexed, box, skipped):
         while count > 0:
             count -= 1
             node = beyond(rows.nodes, waiting[count])
-            nearest = count
-            least_here = math.inf
+            nearest, least_here = count, math.inf
             for k in range(FANOUT):
                 gap = max(max(node[k] - box[2], box[0] - node[2 * FANOUT + k]),
                           max(node[FANOUT + k] - box[3], box[1] - node[3 * FANOUT + k]))
@@ -176,12 +174,10 @@ def nearest_box(rows, indexed, box, skipped):
                 if place < 0:
                     waiting[count] = -place
                     if gap < least_here:
-                        least_here = gap
-                        nearest = count
+                        nearest, least_here = count, gap
                     count += 1
                 elif (gap < least or place < first) and not contains(skipped, place):
-                    least = gap
-                    first = place
+                    first, least = place, gap
             # The nearest goes first, so that most others need not be visited.
             if nearest < count - 1:
                 waiting[nearest], waiting[count - 1] = waiting[count - 1], waiting[nearest]
@@ -190,6 +186,5 @@ def nearest_box(rows, indexed, box, skipped):
             # The gap may be infinite, hence the test of `first`.
             if (rows.n[row] != 0 and (first < 0 or box_gap(rows, row, box) < least)
                     and not contains(skipped, row)):
-                least = box_gap(rows, row, box)
-                first = row
+                first, least = row, box_gap(rows, row, box)
     return first

@@ -208,17 +208,14 @@ def first_met(path, rows, ways, candidates, count):
             near += 1
     if overflows:
         raise ValueError(BEYOND)
-    first = -1
-    share = math.inf
-    piece = 0
+    first, share, piece = -1, math.inf, 0
     while first < 0 and piece < path.pieces:
         for k in range(near):
             row = candidates[k]
             if _may_meet(path, piece, rows, row, ways):
                 found = _first_contact_in_piece(path, piece, rows, row, ways, share)
                 if found < share:
-                    share = found
-                    first = row
+                    first, share = row, found
         piece += 1
     if first < 0:
         return first, math.inf

@@ -31,8 +31,7 @@ NOWHERE = math.inf, math.inf, -math.inf, -math.inf
 def length(x, y):
     """Return the length of a vector, to one ulp (`math.hypot` differs between libraries)."""
     scale = scale_to_one(max(abs(x), abs(y)))
-    x *= scale
-    y *= scale
+    x, y = x * scale, y * scale
     return math.sqrt(x * x + y * y) / scale
 
 
@@ -40,8 +39,7 @@ def length(x, y):
 def unit(x, y):
     """Return the unit vector in the direction of a vector, to a few ulp; zero for zero."""
     scale = scale_to_one(max(abs(x), abs(y)))
-    x *= scale
-    y *= scale
+    x, y = x * scale, y * scale
     size = math.sqrt(x * x + y * y)
     if size == 0.0:
         return x, y

@@ -229,15 +229,13 @@ def _touch(p, q):
     sides = scratch(10 * (p.n + q.n))
     split = _write_touched(q, p, 1.0, sides, 0)
     count = _write_touched(p, q, -1.0, sides, split)
-    best = -math.inf
-    chosen = 0
+    best, chosen = -math.inf, 0
     for i in range(0, count, 5):
         least = math.inf
         for k in range(0, count, 5):
             least = min(least, sides[i] * sides[k] + sides[i + 1] * sides[k + 1])
         if least > best:
-            best = least
-            chosen = i
+            best, chosen = least, i
     nx, ny = sides[chosen], sides[chosen + 1]
     a, b, k = int(sides[chosen + 2]), int(sides[chosen + 3]), int(sides[chosen + 4])
     v, w = p.array, q.array
@@ -320,9 +318,7 @@ def _level_edge(p, ux, uy):
         b = vertex_after(p, a)
         slant = _slant(p.array, a, b, ux, uy)
         if slant <= least:
-            least = slant
-            start = a
-            end = b
+            least, start, end = slant, a, b
     return start, end
 
 

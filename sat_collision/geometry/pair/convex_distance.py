@@ -330,9 +330,7 @@ def _least_reach(p, q, slack):
         if long and j >= 0:
             rough[i] = ex * (w[j + 1] - v[a + 1]) - ey * (w[j] - v[a])
             least = min(least, rough[i])
-    depth = (math.inf, 0.0)
-    edge = first
-    vertex = first_vertex(q)
+    depth, edge, vertex = (math.inf, 0.0), first, first_vertex(q)
     for i in range(count):
         if rough[i] > least + slack:
             continue
@@ -346,9 +344,7 @@ def _least_reach(p, q, slack):
         reach = cross(ex, ey, *offset(v, w, k, j))
         found = quotient(reach, square_root(dot(ex, ey, ex, ey)))
         if found < depth:
-            depth = found
-            edge = a
-            vertex = j
+            depth, edge, vertex = found, a, j
     return depth, edge, vertex
 
 

@@ -64,11 +64,9 @@ def measure(p, q):
     p = Packed(elements(p.array), p.start, p.n)
     q = Packed(elements(q.array), q.start, q.n)
     if goes_first(q, p):
-        value, points, _ = measure_parts(q, p)
-        bx, by, ax, ay, ux, uy = points
+        value, (bx, by, ax, ay, ux, uy), _ = measure_parts(q, p)
         return value, (ax, ay, bx, by, -ux, -uy)
-    value, points, _ = measure_parts(p, q)
-    return value, points
+    return measure_parts(p, q)[:2]
 
 
 @inner
@@ -114,10 +112,7 @@ def measure_parts(p, q):
         meet, value, points = _measure_pair(a, b)
         if (meeting and not meet) or not (value < least or (meet and not meeting)):
             continue
-        least = value
-        found = points
-        decided = pair
-        meeting = meet
+        least, found, decided, meeting = value, points, pair, meet
         limit = _limit_of(least, reach)
         along, back = _reaches(p, found[4], found[5]), _reaches(q, -found[4], -found[5])
     return least, found, decided
@@ -232,8 +227,7 @@ if COMPILED:
     @inner
     def _nearest_boxes(p, q):
         """Return the first pair of parts, see `open_pairs`, with the greatest `_overlap`."""
-        best = -math.inf
-        pair = 0
+        best, pair = -math.inf, 0
         parts = max(1, -q.n)
         for i in range(max(1, -p.n)):
             a = convex_part(p, i)
@@ -241,8 +235,7 @@ if COMPILED:
                 for j in range(parts):
                     found = _overlap(a, convex_part(q, j))
                     if found > best:
-                        best = found
-                        pair = i * parts + j
+                        best, pair = found, i * parts + j
         return pair
 
     @inner

@@ -166,9 +166,7 @@ def near_rows(set_array, indexed, body, count, margin, skipped):
         elif row != first and box_gap(rows, row, box) < least and not contains(skipped, row):
             value, others = measure(body_of(rows, row), body)
             if value < least:
-                nearest = row
-                least = value
-                points = others
+                nearest, least, points = row, value, others
     if margin != NEAREST:
         return -1, 0.0, 0.0, 0.0, 0.0, 0.0, _first(found, hits)
     return nearest, least, *points[:4], None

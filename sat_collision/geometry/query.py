@@ -37,6 +37,10 @@ def intersects(a: BodyLike, b: BodyLike) -> bool:
     a, b : Polygon, (n, 2) array_like or geometry
         Polygons, segments or points, convex or not, in one frame; metres.
 
+    Returns
+    -------
+    bool
+
     Raises
     ------
     PolygonError
@@ -55,9 +59,16 @@ def intersects(a: BodyLike, b: BodyLike) -> bool:
 
 def intersects_many(a: BodyLike, others: PolygonSet | Iterable[BodyLike]) -> NDArray[np.bool_]:
     """
-    Return for each of m others whether it shares a point with a body: (m,) ndarray of bool.
+    Return for each of many bodies whether it shares a point with another one; touching counts.
 
-    Bodies are as for `intersects`, which raises the same errors; touching counts.
+    Parameters
+    ----------
+    a : Polygon, (n, 2) array_like or geometry
+    others : PolygonSet or sequence of Polygon, (n, 2) array_like or geometry
+
+    Returns
+    -------
+    (m,) ndarray of bool
 
     Examples
     --------
@@ -101,9 +112,17 @@ def intersects_pairs(a: PolygonSet | Iterable[BodyLike],
 def separations(a: PolygonSet | Iterable[BodyLike],
                 b: PolygonSet | Iterable[BodyLike]) -> NDArray[np.float64]:
     """
-    Return for each pair of bodies of two sets their `separation` in metres: (k,) ndarray.
+    Return for each pair of bodies of two sets their signed distance in metres.
 
-    The sets are as for `intersects_pairs`, which raises the same errors.
+    Parameters
+    ----------
+    a, b : PolygonSet or sequence of Polygon, (n, 2) array_like or geometry
+        As for `intersects_pairs`, which raises the same errors.
+
+    Returns
+    -------
+    (k,) ndarray
+        As returned by `separation`.
 
     Examples
     --------
@@ -122,7 +141,10 @@ def separation(a: BodyLike, b: BodyLike) -> float:
     """
     Return the signed distance of two bodies in metres.
 
-    They are as for `intersects`, which raises the same errors.
+    Parameters
+    ----------
+    a, b : Polygon, (n, 2) array_like or geometry
+        As for `intersects`, which raises the same errors.
 
     Returns
     -------
@@ -148,7 +170,12 @@ def separation(a: BodyLike, b: BodyLike) -> float:
 
 def closest_points(a: BodyLike, b: BodyLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """
-    Return the two points that realise the `separation` of two bodies.
+    Return the two points that realise the separation of two bodies.
+
+    Parameters
+    ----------
+    a, b : Polygon, (n, 2) array_like or geometry
+        As for `separation`.
 
     Returns
     -------

@@ -42,7 +42,8 @@ class Monitor:
     messages that had waited. A footprint that has an outline moves with its frame.
 
     Times are in ns by the clock of the header stamps. The number of a message is its sequence
-    number among those of its publisher, None if unknown.
+    number among those of its publisher, None if unknown. One of stamp 0 counts from the time at
+    which it `arrived`: earlier than now if it was queued.
 
     Parameters
     ----------
@@ -102,16 +103,18 @@ class Monitor:
         return rejections[0] if rejections else None
 
     def receive_batch(self, name: str, messages: Sequence[bytes], now: int,
-                      number: int | None = None) -> Sequence[Rejection]:
+                      number: int | None = None,
+                      arrived: int | None = None) -> Sequence[Rejection]:
         """
         Receive consecutive messages of one publisher as `receive` does.
 
-        The number is that of the first message.
+        The number is that of the first message, which `arrived` then, by default now.
         """
         self.received[name] += len(messages)
         self._pass_time(now)
+        arrived = now if arrived is None else arrived
         if name in self.commands.names:
-            return self.commands.receive(name, messages, now)
+            return self.commands.receive(name, messages, now, arrived)
         if name in self.paths.names:
             self.paths.receive(name, messages[-1])
             return _NOTHING
@@ -124,7 +127,7 @@ class Monitor:
                 applied += run
             else:
                 rejections += self._admit(
-                    name, messages[applied], number and number + applied, now)
+                    name, messages[applied], number and number + applied, now, arrived)
                 applied += 1
         return rejections
 
@@ -142,14 +145,15 @@ class Monitor:
         self.received[name] += applied
         return applied
 
-    def receive_mixed(self, name: str, messages: Sequence[bytes], now: int) -> Sequence[Rejection]:
+    def receive_mixed(self, name: str, messages: Sequence[bytes], now: int,
+                      arrived: int | None = None) -> Sequence[Rejection]:
         """
         Receive messages while one more publisher was matched with the topic.
 
         They may be of either, so obstacles count, but end and replace nothing.
         """
         self._follow_stream(name, partial(self.scene.mix, name, True))
-        rejections = self.receive_batch(name, messages, now)
+        rejections = self.receive_batch(name, messages, now, arrived=arrived)
         self._follow_stream(name, partial(self.scene.mix, name, False))
         return rejections
 
@@ -177,11 +181,13 @@ class Monitor:
         else:
             happens()
 
-    def receive_transforms(self, topic: str, data: bytes, now: int,
-                           number: int | None = None) -> list[Rejection]:
+    def receive_transforms(self, topic: str, data: bytes, now: int, number: int | None = None,
+                           arrived: int | None = None) -> list[Rejection]:
         """Receive a message of /tf or /tf_static, and apply the messages that waited for it."""
         self._pass_time(now)
-        return self.transforms.receive(topic, data, now, number) + self._apply_moved(now)
+        arrived = now if arrived is None else arrived
+        return (self.transforms.receive(topic, data, now, number, arrived)
+                + self._apply_moved(now))
 
     def advance(self, now: int) -> list[Rejection]:
         """Let time pass, see `Scene.pass_time`, and refuse messages that waited too long."""
@@ -257,18 +263,19 @@ class Monitor:
         self.waiting.clear(now)
         self.ingest.follow_maps(self._now)
 
-    def _admit(self, name: str, data: bytes, number: int | None, now: int) -> Sequence[Rejection]:
+    def _admit(self, name: str, data: bytes, number: int | None, now: int,
+               arrived: int) -> Sequence[Rejection]:
         """Apply a message or queue it: for a transform, or behind messages that wait for one."""
         settings = self.scene.settings_of(name)
         if not settings.enabled:
             return _NOTHING
         if name in self.outlines.names:
             self.scene.receive_number(name, number, now)
-            return self.outlines.receive(name, data, now) + self._apply_moved(now)
+            return self.outlines.receive(name, data, now, arrived) + self._apply_moved(now)
         wait = None
         if name not in self.waiting:
-            outcome = self.ingest.apply(settings, data, number, now)
+            outcome = self.ingest.apply(settings, data, number, now, arrived)
             if not isinstance(outcome, Wait):
                 return [outcome] if outcome else _NOTHING
             wait = outcome
-        return self.waiting.hold(name, Held(data, number), now, wait)
+        return self.waiting.hold(name, Held(data, number, arrived), now, wait)

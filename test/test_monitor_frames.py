@@ -196,12 +196,12 @@ def test_frames_of_long_ago_make_room_for_new_ones(robot):
 
 def test_two_publishers_of_a_frame_are_noticed(robot):
     """By their message numbers; a restart counts as one turn."""
-    listener = robot.monitor.transforms
+    listener, now = robot.monitor.transforms, robot.now
     for number in (7, 8, 9, 1, 2, 3):
-        listener.receive(TF, transforms(('odom', 'base', robot.now, 0, 0)), robot.now, number)
+        listener.receive(TF, transforms(('odom', 'base', now, 0, 0)), now, number, now)
     assert listener.turns == {'base': 1}
     for number in (4, 100, 5, 101, 6):
-        listener.receive(TF, transforms(('odom', 'base', robot.now, 0, 0)), robot.now, number)
+        listener.receive(TF, transforms(('odom', 'base', now, 0, 0)), now, number, now)
     assert listener.turns == {'base': 3}
 
 

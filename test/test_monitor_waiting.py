@@ -11,13 +11,13 @@
 
 from dataclasses import replace
 
-from builders import box, serialised
+from builders import box, serialised, transforms
 from driving import Robot, robot_that_sees_nothing, SETS, SETTINGS, switch
 from monitors import BOW_TIE, CIRCLE, nanoseconds
 import pytest
 from sat_collision.scene import frames
 from sat_collision.scene.obstacles import ObstacleId
-from sat_collision.scene.settings import ObstacleSettings
+from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, TF
 from sat_collision.scene.streams import Endpoint
 
 
@@ -318,6 +318,38 @@ def test_messages_of_any_publisher_end_nothing_even_if_they_wait():
     for number, points in ((7, ()), (8, box(8)), (9, ())):
         robot.monitor.receive('lidar', serialised(points, robot.now, 'odom'), robot.now, number)
     assert robot.status() == 'clear', 'all that follows is whole'
+
+
+def test_footprint_of_stamp_0_behind_one_that_waits_counts_from_its_arrival(robot):
+    """Not from when it leaves the queue, 0.2 s later: it is too old one timeout after it came."""
+    robot.use(timeout=0.5)
+    robot.send('robot', box(0), 1.0, 'camera')
+    robot.send('robot', box(0), 'none')
+    for time, status in ((1.3, 'clear'), (1.51, 'unknown')):
+        robot.wait_until(time)
+        robot.see((), time)
+        assert robot.status() == status
+
+
+def test_obstacle_of_stamp_0_counts_from_its_arrival():
+    """Not from when it is taken from the queue of the middleware."""
+    footprint = FootprintSettings('robot', '/footprint', timeout=0.0)
+    robot = Robot(replace(SETS, footprints=(footprint,)))
+    robot.stand(0)
+    robot.wait_until(3.0)
+    robot.monitor.receive_batch('lidar', [serialised((), 0, 'odom')], robot.now, 1,
+                                arrived=nanoseconds(0.0))
+    assert robot.status() == 'clear'
+    robot.wait_until(5.01)
+    assert robot.status() == 'unknown'
+
+
+def test_transform_of_stamp_0_counts_from_its_arrival():
+    robot = Robot()
+    robot.wait_until(1.0)
+    robot.monitor.receive_transforms(TF, transforms(('odom', 'base', 0, 1.0, 0.0)), robot.now,
+                                     arrived=nanoseconds(0.25))
+    assert robot.monitor.transforms.lookup_affine('base', 0, robot.now).at == nanoseconds(0.25)
 
 
 def test_change_of_publishers_is_not_dropped_when_time_steps_back():

@@ -172,12 +172,18 @@ class Ingest:
         return applied
 
     def apply(self, settings: FootprintSettings | ObstacleSettings, data: bytes,
-              number: int | None, now: int, may_wait: bool = True) -> Rejection | Wait | None:
-        """Apply a message; return a Wait if it may wait and its transform may still arrive."""
+              number: int | None, now: int, arrived: int,
+              may_wait: bool = True) -> Rejection | Wait | None:
+        """
+        Apply a message; return a Wait if it may wait and its transform may still arrive.
+
+        One of stamp 0 counts from when it `arrived`.
+        """
         scene, name = self._scene, settings.name
         stamp = instance = None
         try:
-            stamp, sent_in, points, instance = self._read(settings, data, now)
+            sent, sent_in, points, instance = self._read(settings, data, now)
+            stamp = self._stamp_of(settings, sent, points, min(arrived, now))
             frame_id = sent_in
             affine: Affine2D | None = None
             origin, followed = None, ''
@@ -187,11 +193,11 @@ class Ingest:
                     fault = LONG_FRAME_ID, (f'{len(frame_id)} characters where '
                                             f'{LONGEST_FRAME_ID} are accepted')
                 return self.refuse(settings, *fault, now, stamp, instance, number)
-            if self._transforms and points[2] and self._needs_transform(frame_id, stamp, now):
-                found = self._lookup(settings, frame_id, stamp, now)
+            if self._transforms and points[2] and self._needs_transform(frame_id, sent, now):
+                found = self._lookup(settings, frame_id, sent, now)
                 if isinstance(found, NoTransform):
-                    if found.may_come and may_wait and stamp:
-                        return Wait(frame_id, stamp)
+                    if found.may_come and may_wait and sent:
+                        return Wait(frame_id, sent)
                     if isinstance(settings, ObstacleSettings) and not settings.timeout:
                         self.untransformed[name] = frame_id
                     scene.refuse(name, found.lasting, now, stamp, instance, number)
@@ -201,7 +207,7 @@ class Ingest:
                 origin, frame_id = (frame_id, at), self._fixed
                 if isinstance(settings, FootprintSettings):
                     # Without a stamp it is as old as the transform that says where it is.
-                    stamp = stamp or at or 0
+                    stamp = sent or at or stamp
             if isinstance(settings, FootprintSettings):
                 body = self._packer.pack(points, affine or UNMOVED)
                 refusal = scene.footprint(name, body, frame_id, stamp, now, origin, number)
@@ -243,10 +249,10 @@ class Ingest:
         return self.reject(settings, refusal, detail_of(
             refusal, frame_id, scene.frame_id, (now - stamp) / 1e9, settings.timeout))
 
-    def apply_early(self, settings: ObstacleSettings, data: bytes, now: int,
-                    order: int) -> Wait | None:
+    def apply_early(self, settings: ObstacleSettings, data: bytes, now: int, order: int,
+                    arrived: int) -> Wait | None:
         """
-        Let an obstacle count that is queued behind a message which waits.
+        Let an obstacle count that is queued behind a message which waits, and `arrived` then.
 
         The order is its number in the queue. Return a Wait if its transform may still arrive.
         """
@@ -269,7 +275,8 @@ class Ingest:
                 body = self._shape(settings, points, affine)
         except (MessageError, PolygonError) as error:
             refusal = _reason_of(error)
-        self._scene.receive_early(settings.name, body, stamp, order, instance, refusal)
+        self._scene.receive_early(
+            settings.name, body, stamp or arrived, order, instance, refusal)
         self._refused = []
         return None
 
@@ -299,6 +306,16 @@ class Ingest:
             # A map does not age, and may have been kept since the clock was set back.
             stamp = min(stamp, now)
         return stamp, frame_id, points, instance
+
+    @staticmethod
+    def _stamp_of(settings: FootprintSettings | ObstacleSettings, sent: int, points: Any,
+                  arrived: int) -> int:
+        """Return the stamp from which a message counts: one of stamp 0 from its arrival."""
+        # Where nothing ends a set, an empty polygon shows only by a stamp of its own that its
+        # publisher is alive.
+        shows_nothing = (isinstance(settings, ObstacleSettings) and settings.ending == NONE
+                         and not points[2])
+        return sent if shows_nothing else sent or arrived
 
     def _needs_transform(self, frame_id: str, stamp: int, now: int) -> bool:
         """Return whether a message is in another frame; one from the future is refused in any."""

@@ -80,14 +80,14 @@ class Outlines:
             if one.is_static and one.stamp is not None:
                 one.stamp = min(one.stamp, now)
 
-    def receive(self, name: str, data: bytes, now: int) -> list[Rejection]:
-        """Take a message of odometry for a footprint."""
+    def receive(self, name: str, data: bytes, now: int, arrived: int) -> list[Rejection]:
+        """Take a message of odometry for a footprint, which `arrived` then."""
         settings = self._outlines[name].settings
         try:
             pose, twist = decode_odometry(data)
         except MessageError as error:
             return [self._ingest.reject(settings, UNDECODABLE, str(error))]
-        if problem := self._transforms.receive_odometry(pose, now):
+        if problem := self._transforms.receive_odometry(pose, now, arrived):
             return [self._ingest.reject(settings, *problem)]
         parent, child, stamp, _ = pose
         parent, child = parent.removeprefix('/'), child.removeprefix('/')
@@ -97,7 +97,7 @@ class Outlines:
                 'move'))]
         # The first of several footprints that receive a message moves all of them. One that is
         # ahead of the clock must not shut out those that follow.
-        time = stamp or now
+        time = stamp or arrived
         if settings.topic not in self._odometry or (
                 not time < self._odometry[settings.topic][0] <= now):
             self._odometry[settings.topic] = time, child, twist
@@ -193,15 +193,16 @@ class Commands:
         # The last command, by these names.
         self.last: dict[str, Command] = {}
 
-    def receive(self, name: str, messages: Sequence[bytes], now: int) -> list[Rejection]:
-        """Take serialised TwistStamped messages, oldest first."""
+    def receive(self, name: str, messages: Sequence[bytes], now: int,
+                arrived: int) -> list[Rejection]:
+        """Take serialised TwistStamped messages, oldest first, which `arrived` then."""
         return [rejection for one in self._scene.settings.footprints
                 if one.command and one.command.name == name and one.enabled
                 for data in messages
-                if (rejection := self._receive(one, one.command, data, now))]
+                if (rejection := self._receive(one, one.command, data, now, arrived))]
 
     def _receive(self, footprint: FootprintSettings, settings: CommandSettings, data: bytes,
-                 now: int) -> Rejection | None:
+                 now: int, arrived: int) -> Rejection | None:
         problem = None
         time = now
         try:
@@ -209,7 +210,8 @@ class Commands:
         except MessageError as error:
             problem = UNDECODABLE, str(error)
         else:
-            time = min(stamp or now, now)
+            stamp = stamp or arrived
+            time = min(stamp, now)
             age = (now - stamp) / 1e9 if now and stamp else 0.0
             if frame_id not in ('', footprint.frame_id):
                 problem = COMMAND_FRAME, (f'it is in {in_quotes(frame_id)}, the outline in '

@@ -54,9 +54,13 @@ class TransformListener:
         self._tolerance = round(settings.future_tolerance * 1e9)
         self.frames.configure(settings.max_tf_gap * 1e9, settings.max_tilt)
 
-    def receive(self, topic: str, data: bytes, now: int,
-                number: int | None = None) -> list[Rejection]:
-        """Take a message of /tf or /tf_static, with its sequence number if known."""
+    def receive(self, topic: str, data: bytes, now: int, number: int | None,
+                arrived: int) -> list[Rejection]:
+        """
+        Take a message of /tf or /tf_static, with its sequence number if known.
+
+        A transform of stamp 0 counts from when it `arrived`.
+        """
         self.received[topic] += 1
         try:
             transforms = decode_transforms(data)
@@ -68,7 +72,7 @@ class TransformListener:
         static = topic == TF_STATIC
         numbers = self._numbers
         for parent, child, stamp, transform in transforms:
-            stamp = stamp or now
+            stamp = stamp or arrived
             if now and stamp > now + self._tolerance and not static:
                 refusal: str | None = FROM_FUTURE
             else:
@@ -93,12 +97,13 @@ class TransformListener:
         self.transforms += len(transforms) - len(rejections)
         return rejections
 
-    def receive_odometry(self, pose: StampedTransform, now: int) -> tuple[str, str] | None:
-        """Take the pose of an Odometry; return reason and detail if it is refused."""
+    def receive_odometry(self, pose: StampedTransform, now: int,
+                         arrived: int) -> tuple[str, str] | None:
+        """Take the pose of an Odometry that `arrived` then; return why it is refused."""
         parent, child, stamp, transform = pose
         if now and stamp > now + self._tolerance:
             return FROM_FUTURE, _ahead(child, stamp, now)
-        refusal = self.frames.insert(parent, child, stamp or now, transform)
+        refusal = self.frames.insert(parent, child, stamp or arrived, transform)
         if refusal:
             return refusal, _detail(parent, child, transform)
         self.transforms += 1

@@ -35,6 +35,7 @@ class Held(NamedTuple):
 
     data: bytes = b''
     number: int | None = None
+    arrived: int = 0
     happens: Callable[[], None] | None = None
     until: int = 0  # when its wait ends
     end: float | None = None  # see `Ingest.end_of`
@@ -132,7 +133,8 @@ class WaitingItems:
         if queue is None:
             queue = self._queues[name] = _Queue(self._count)
         elif not held.happens:
-            wait = self._apply_early(name, held.data, now, queue.first + len(queue.items))
+            wait = self._apply_early(
+                name, held.data, now, queue.first + len(queue.items), held.arrived)
         self._count += 1
         queue.append(held._replace(until=now + self._timeout, end=end), wait)
         rejections: list[Rejection] = []
@@ -204,7 +206,9 @@ class WaitingItems:
         while queue.items and self._apply_first(
                 name, now, now <= queue.items[0].until, rejections):
             pass
-        return queue.apply_placed(lambda data, order: self._apply_early(name, data, now, order))
+        # Those of stamp 0 wait for no transform.
+        return queue.apply_placed(
+            lambda data, order: self._apply_early(name, data, now, order, now))
 
     def _apply_first(self, name: str, now: int, may_wait: bool,
                      rejections: list[Rejection]) -> bool:
@@ -223,12 +227,14 @@ class WaitingItems:
         if held.happens:
             held.happens()
         elif settings.enabled:
-            return self._ingest.apply(settings, held.data, held.number, now, may_wait)
+            return self._ingest.apply(
+                settings, held.data, held.number, now, held.arrived, may_wait)
         return None
 
-    def _apply_early(self, name: str, data: bytes, now: int, order: int) -> Wait | None:
+    def _apply_early(self, name: str, data: bytes, now: int, order: int,
+                     arrived: int) -> Wait | None:
         """Let an obstacle count that is queued behind the first item, unless it has no place."""
         settings = self._scene.settings_of(name)
         if isinstance(settings, ObstacleSettings) and settings.enabled:
-            return self._ingest.apply_early(settings, data, now, order)
+            return self._ingest.apply_early(settings, data, now, order, arrived)
         return None

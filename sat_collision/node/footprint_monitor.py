@@ -198,17 +198,19 @@ class FootprintMonitor(Node):
             self._publish_changes()
         return now
 
-    def receive(self, name: str, messages: Sequence[bytes], now: int, number: int | None) -> None:
+    def receive(self, name: str, messages: Sequence[bytes], now: int, number: int | None,
+                arrived: int) -> None:
         if name in TRANSFORM_TOPICS:
             for k, data in enumerate(messages):
-                self._log(self._monitor.receive_transforms(name, data, now, number and number + k))
+                self._log(self._monitor.receive_transforms(
+                    name, data, now, number and number + k, arrived))
             return
         # Commands have the name of their footprint before a dot.
         if (footprint := name.partition('.')[0]) in self._scene.looking_ahead:
             self._looks_first.add(footprint)
         if name in self._commands.without_stamps:
             messages = [stamped(data) for data in messages]
-        if rejections := self._monitor.receive_batch(name, messages, now, number):
+        if rejections := self._monitor.receive_batch(name, messages, now, number, arrived):
             self._log(rejections)
 
     def begin_stream(self, name: str) -> None:
@@ -244,8 +246,9 @@ class FootprintMonitor(Node):
         self.begin_stream(name)
         self._monitor.interrupt(name)
 
-    def receive_mixed(self, name: str, messages: Sequence[bytes], now: int) -> None:
-        self._log(self._monitor.receive_mixed(name, messages, now))
+    def receive_mixed(self, name: str, messages: Sequence[bytes], now: int,
+                      arrived: int) -> None:
+        self._log(self._monitor.receive_mixed(name, messages, now, arrived))
 
     def end_batch(self, messages: int, seconds: float) -> None:
         self._publish_changes()

@@ -68,12 +68,13 @@ class Backlog(NamedTuple):
 class Receiver(Protocol):
     """The handlers of messages and ticks that the loop calls."""
 
-    def receive(self, name: str, messages: Sequence[bytes], now: int, number: int | None) -> None:
+    def receive(self, name: str, messages: Sequence[bytes], now: int, number: int | None,
+                arrived: int) -> None:
         """
         Receive consecutive messages of one publisher on the topic of an input.
 
-        `number` is the sequence number of the first message, None if it is unknown, and `now` the
-        present time in ns.
+        `number` is the sequence number of the first message, None if it is unknown; `now` is the
+        present time in ns, and `arrived` when the first message came.
         """
 
     def begin_stream(self, name: str) -> None:
@@ -92,7 +93,8 @@ class Receiver(Protocol):
     def note_liveliness(self, name: str, event: QoSLivelinessChangedInfo) -> bool:
         """Record how many publishers live, likewise; return whether one lives again."""
 
-    def receive_mixed(self, name: str, messages: Sequence[bytes], now: int) -> None:
+    def receive_mixed(self, name: str, messages: Sequence[bytes], now: int,
+                      arrived: int) -> None:
         """Receive messages of any publisher: one was matched while they were taken."""
 
     def end_batch(self, messages: int, seconds: float) -> None:
@@ -362,6 +364,7 @@ class _Topic:
             one.subscription.handle.take_message, one.subscription.msg_type, True)
         # A message already taken that does not follow the one before: it begins the next batch.
         self._next: tuple[bytes, dict[str, Any]] | None = None
+        self._arrived = 0  # when the first message of the last batch came
         self._is_empty = True
         self._limit = _FEWEST_TOGETHER
 
@@ -424,11 +427,26 @@ class _Topic:
                 number += 1
             taken = self._take()
         self._is_empty = taken is None
-        if batch and self._has_new_publisher():
-            self._receiver.receive_mixed(self.name, batch, now)
-        elif batch:
-            self._receiver.receive(self.name, batch, now, first)
+        if batch:
+            arrived = self._arrival(now)
+            if self._has_new_publisher():
+                self._receiver.receive_mixed(self.name, batch, now, arrived)
+            else:
+                self._receiver.receive(self.name, batch, now, first, arrived)
         return len(batch)
+
+    def _arrival(self, now: int) -> int:
+        """
+        Return when the first message of the batch came, by the clock of `now`.
+
+        It has waited by the wall clock, for simulated time may have stood still meanwhile. A
+        later message counts from no earlier time.
+        """
+        # Cyclone DDS gives 0.
+        received = self._first_of_batch['received_timestamp']
+        waited = max(time.time_ns() - received, 0) if received else 0
+        self._arrived = min(max(now - waited, self._arrived), now)
+        return self._arrived
 
     def _has_new_publisher(self) -> bool:
         """Return whether a publisher was matched, or lives again, since this was last called."""

@@ -164,9 +164,9 @@ def test_silent_publisher_does_not_go_on_with_the_messages_of_another(pausable, 
 class SlowMonitor(footprint_monitor.FootprintMonitor):
     """Takes ten milliseconds per message."""
 
-    def receive(self, name, messages, now, number):
+    def receive(self, name, messages, now, number, arrived):
         time.sleep(0.01 * len(messages))
-        super().receive(name, messages, now, number)
+        super().receive(name, messages, now, number, arrived)
 
 
 @pytest.fixture

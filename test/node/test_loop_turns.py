@@ -44,7 +44,7 @@ class Recorder:
         self.ticks = 0
         self.parts = 0
 
-    def receive(self, name, messages, now, number):
+    def receive(self, name, messages, now, number, arrived):
         for _ in messages:
             time.sleep(self.seconds)
             self.names.append(name)
@@ -181,8 +181,8 @@ def test_footprint_is_published_between_batches(peer, looped):
     receiver = Recorder()
     receive = receiver.receive
 
-    def receive_and_meet_another(name, messages, now, number):
-        receive(name, messages, now, number)
+    def receive_and_meet_another(name, messages, now, number, arrived):
+        receive(name, messages, now, number, arrived)
         if receiver.names.count('flood') == 4:
             arrive(peer, other=1)
     receiver.receive = receive_and_meet_another
@@ -309,7 +309,7 @@ def test_batch_during_which_a_publisher_came_may_be_of_any(events, expected, sta
 
     It was matched, or had lost its liveliness and was heard again.
     """
-    queue = [(b'', {'publication_sequence_number': 7})]
+    queue = [(b'', {'publication_sequence_number': 7, 'received_timestamp': 0})]
     calls = []
     receiver = SimpleNamespace(
         receive=lambda *_: calls.append('receive'),
@@ -431,10 +431,10 @@ def test_single_message_is_a_batch_of_its_own(peer, looped):
     receiver = Recorder(are_put_off=True)
     receive = receiver.receive
 
-    def receive_and_meet_more(name, messages, now, number):
+    def receive_and_meet_more(name, messages, now, number, arrived):
         if name == 'flood' and not receiver.batches:
             arrive(peer, flood=20)
-        receive(name, messages, now, number)
+        receive(name, messages, now, number, arrived)
     receiver.receive = receive_and_meet_more
     peer.publisher('flood', qos=QoSProfile(depth=2000))
     with looped(receiver) as one:

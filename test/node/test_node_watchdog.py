@@ -15,7 +15,10 @@ import socket
 import threading
 import time
 
-from harness import box, health, values
+from builders import odometry, serialised
+from geometry_msgs.msg import PolygonStamped, Twist
+from harness import APART, box, health, ROBOT, values
+from nav_msgs.msg import Odometry
 import pytest
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -106,6 +109,59 @@ def test_flags_fall_after_the_stall(start, stall):
         received = len(running.listen('~/collision'))
         running.until(lambda: len(running.listen('~/collision')) > received + 2)
         assert not any(flag.data for flag in running.listen('~/collision')[received:])
+
+
+OUTLINE = {'footprint__points': '[[0, 0], [1, 0], [1, 1]]', 'footprint__frame_id': 'base',
+           'footprint__odometry': '/odom', 'footprint__cmd_vel': '/cmd_vel', 'frame_id': 'odom'}
+
+
+@pytest.mark.parametrize('name, parameters, topic, kind, sent', [
+    ('footprint', {'obstacle__timeout': 60.0}, 'footprint', PolygonStamped,
+     [serialised(ROBOT, 0)]),
+    ('obstacle', {'footprint__timeout': 0.0}, 'obstacles', PolygonStamped,
+     [serialised(APART, 0), serialised([], 0)]),
+    ('footprint', {**OUTLINE, 'obstacle__timeout': 60.0}, '/odom', Odometry,
+     [odometry('odom', 'base', 0, 0, 0)]),
+    ('footprint.cmd_vel', {**OUTLINE, 'obstacle__timeout': 60.0}, '/cmd_vel', Twist, [Twist()])])
+def test_message_of_stamp_0_that_waited_through_a_stall_is_old(
+        start, stall, name, parameters, topic, kind, sent):
+    """Its timeout of 0.5 s has passed when it is taken: it makes nothing clear, nothing known."""
+    running = start(**{'watchdog': 0.3, 'footprint__timeout': 0.5, 'obstacle__timeout': 0.5,
+                       **parameters})
+    frame_id = running.monitor._scene.settings.frame_id or 'map'
+
+    def publish(*messages):
+        for message in messages:
+            running.publisher(topic, kind).publish(message)
+
+    def become_clear():
+        if name != 'obstacle':
+            running.send_set('obstacles', APART, frame_id=frame_id)
+        if name == 'obstacle':
+            running.send('footprint', ROBOT)
+        elif name != 'footprint':
+            running.publisher('/odom', Odometry).publish(
+                odometry('odom', 'base', running.now(), 0, 0))
+        publish(*sent)
+        running.spin(0.03)
+        return running.state() == 'clear' and (name != 'footprint.cmd_vel' or values(
+            running.status())['velocity'].endswith('command'))
+    running.until(become_clear)
+    running.until(lambda: running.flag() is False)
+    stalled = stall(running)
+    before = running.received[name]
+    publish(*sent)
+    running.spin(1.0)
+    states = len(running.listen('~/state'))
+    stalled.release()
+    running.until(lambda: running.received[name] >= before + len(sent))
+    running.spin(0.3)
+    later = [values(array.status[0]) for array in running.listen('~/state')[states:]]
+    assert later
+    if name == 'footprint.cmd_vel':
+        assert all(one['velocity'].startswith('unknown') for one in later), later
+    else:
+        assert all(one['state'] == 'unknown' for one in later), later
 
 
 def test_watchdog_goes_on_after_an_error(start, stall, monkeypatch, capfd):

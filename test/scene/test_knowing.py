@@ -144,10 +144,10 @@ def ignore_older_namesakes(patch):
 
 
 def take_mixed_messages_for_those_of_one(patch):
-    def receive(self, name, messages, now):
+    def receive(self, name, messages, now, arrived=None):
         stream = self.scene.sources[name].stream
         number = None if stream.is_interrupted else stream.last + 1
-        return self.receive_batch(name, messages, now, number)
+        return self.receive_batch(name, messages, now, number, arrived)
     patch.setattr(Monitor, 'receive_mixed', receive)
 
 

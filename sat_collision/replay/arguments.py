@@ -20,6 +20,7 @@ from collections.abc import Sequence
 from difflib import get_close_matches
 from functools import partial
 import os
+from pathlib import Path
 from typing import Any, NoReturn
 
 from sat_collision import __version__
@@ -48,6 +49,7 @@ def parse(args: Sequence[str] | None = None) -> argparse.Namespace:
         import argcomplete
         argcomplete.autocomplete(parser)
     options = parser.parse_args(args)
+    options.bags = [str(Path(bag)) for bag in options.bags]  # one name, however it is written
     options.limits = Limits(int(1e9 * options.max_memory), int(1e9 * options.max_disk))
     if not (options.bags or options.write_example):
         parser.error('name at least one recording (BAG)')

@@ -151,9 +151,9 @@ def check_on_cluster(paths: Sequence[str], options: Options, address: str) -> It
             f'--dask: no scheduler answers at {address}: {in_one_line(error)}') from error
     with connected as client:
         there = options if options.write_bag is None else replace(
-            options, write_bag=os.path.abspath(options.write_bag))
+            options, write_bag=_there(options.write_bag))
         work = check_one if len(paths) > 1 else check_alone
-        futures = {client.submit(work, os.path.abspath(path), there, pure=False,
+        futures = {client.submit(work, _there(path), there, pure=False,
                                  retries=_ATTEMPTS - 1, key=f'replay_check-{number}-{path}'): path
                    for number, path in enumerate(paths)}
         has_worker = time.monotonic()
@@ -178,9 +178,14 @@ def check_on_cluster(paths: Sequence[str], options: Options, address: str) -> It
                        else _as_given(result, path))
 
 
+def _there(path: str) -> str:
+    """Return what a path is in any folder; a `..` in it may follow a link, and stays."""
+    return str(Path(path).absolute())
+
+
 def _as_given(result: Result, path: str) -> Result:
     """Return a result of a worker with the path that was given."""
-    there = os.path.abspath(path)
+    there = _there(path)
     return replace(result, bag=path, problems=[
         problem.replace(there, path, 1) for problem in result.problems])
 

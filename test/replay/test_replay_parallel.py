@@ -15,6 +15,7 @@ from itertools import permutations
 import multiprocessing
 import os
 from pathlib import Path
+import re
 import signal
 import subprocess
 import sys
@@ -299,3 +300,20 @@ def test_reports_are_in_the_order_of_the_command(bags, monkeypatch, capsys):
             parallel.check_one(bag, options) for bag in order))
         assert main([*given, '--jobs', '2']) == 1
         assert capsys.readouterr().out == alone
+
+
+def test_recording_has_one_name_however_it_is_given(bags, tmp_path, monkeypatch, capsys, cluster):
+    """With slashes and dots, and in two ways at once: none is left out, and none is another's."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'there' / 'inside').mkdir(parents=True)
+    Path('link').symlink_to('there/inside')
+    write(tmp_path / 'there' / 'bag0', drive(2.0, contact=(1.0, 1.5)))
+    for given in (['bag0', './bag1', 'bag1'], ['bag1/', './/bag0', 'link/../bag0']):
+        outs = []
+        for more in (['--jobs', '1'], ['--jobs', '2'], ['--dask', cluster]):
+            assert main([*given, *more]) == 1
+            outs.append(capsys.readouterr().out)
+        assert outs[0] == outs[1] == outs[2]
+        assert re.findall('(.*): (CLEAR|COLLISION)', outs[0]) == [
+            (str(Path(bag)), 'CLEAR' if bag.endswith('bag0') and 'link' not in bag else
+             'COLLISION') for bag in given]

@@ -20,7 +20,6 @@ from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
-from sat_collision.extras import in_one_line
 from sat_collision.geometry.body.polygon import Reason
 from sat_collision.messages.cdr import decode, header_stamp, MessageError, stamped
 from sat_collision.messages.ingest import Placement
@@ -322,8 +321,7 @@ class _Check:
         if self._outputs:
             self._outputs.close()
             if self._outputs.fault:
-                result.problems.append(f'{self._recording.path}: --write-bag: it is not '
-                                       f'whole: {in_one_line(self._outputs.fault)}')
+                result.add_bag_fault(self._outputs.fault)
 
     def _in_order(self, names: dict[str, list[str]], start: int, stop: int | None,
                   progress: OnProgress | None) -> Iterable[Timed]:
@@ -356,8 +354,12 @@ class _Check:
         """Begin to write what the node would publish, if it is asked for."""
         if self._options.write_bag:
             from sat_collision.replay.output.bag import BagOutputs
-            outputs = self._outputs = BagOutputs(
-                self._options.write_bag, self._options.node, self._settings, self._monitor)
+            try:
+                outputs = self._outputs = BagOutputs(
+                    self._options.write_bag, self._options.node, self._settings, self._monitor)
+            except (OSError, RuntimeError) as error:  # the latter is whatever rosbag2 raises
+                self._result.add_bag_fault(error)
+                return
             self._timers += [Timer(1.0 / self._settings.publish_rate, outputs.publish),
                              Timer(1.0 / self._settings.marker_rate, outputs.publish_markers)]
 

@@ -84,8 +84,7 @@ def _run(arguments: argparse.Namespace) -> int:
         verdict = Verdict.COLLISION if lines else Verdict.CLEAR
     faults = [f'standard output: {in_one_line(terminal.fault)}'] if terminal.fault else []
     # The report has these, too, as problems; but a collision that is expected would hide them.
-    faults += [problem for result in results for problem in result.problems
-               if ' --write-bag: ' in problem]
+    faults += [problem for result in results for problem in result.bag_faults]
     outputs = [(option, partial(write, path)) for option, write in writers.items()
                if (path := getattr(arguments, option))]
     outputs += [('plot', partial(_draw, *drawing))
@@ -123,7 +122,7 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
     if write_bag:
         written = [Path(write_bag, name_for_outputs(path)) for path in arguments.bags]
         for bag in written if several else [Path(write_bag)]:
-            if bag.exists():
+            if os.path.lexists(bag):
                 raise OSError(f'--write-bag: {bag} already exists')
         check_bag_writer()
     in_folder = several and plot and not _is_page(plot)
@@ -165,7 +164,7 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
     for option, text in (('--write-bag', write_bag), ('--plot', plot if in_folder else None)):
         if text is not None:
             there = next(path for path in (Path(text), *Path(text).absolute().parents)
-                         if path.exists())
+                         if path.is_symlink() or path.exists())
             if not there.is_dir():
                 raise OSError(f'{option}: {there} is not a directory')
             if not os.access(there, os.W_OK):

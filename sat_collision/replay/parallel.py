@@ -28,6 +28,7 @@ import signal
 import tempfile
 import time
 import traceback
+from uuid import uuid4
 
 from sat_collision.extras import in_one_line, unexpected
 from sat_collision.replay.check import check, OnProgress
@@ -58,24 +59,31 @@ def check_alone(path: str, options: Options, progress: OnProgress | None = None)
     Check a recording; until a bag written for it is whole, it is in a hidden folder beside.
 
     An attempt whose process dies leaves nothing that the next one finds. Where an earlier attempt
-    wrote the bag, but its result was lost, the bag stays.
+    wrote the bag, but its result was lost, the bag stays. One that cannot be written is a problem
+    of the result.
     """
     if not options.write_bag:
         return check(path, options, progress)
     bag = Path(options.write_bag)
-    bag.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=_unfinished(tempfile.gettempdir()),
-                                     dir=bag.parent) as folder:
-        unfinished = Path(folder, bag.name)
+    # Folders of tempfile are no choice: some of its versions fail where they cannot be removed.
+    folder = Path(bag.parent, f'{_unfinished(tempfile.tempdir)}{uuid4().hex}')
+    try:
+        unfinished = folder / bag.name
         result = check(path, replace(options, write_bag=str(unfinished)), progress)
-        if unfinished.exists() and not bag.exists():
-            unfinished.rename(bag)
+        is_whole = os.path.exists(unfinished / 'metadata.yaml') and not result.bag_faults
+        try:
+            if is_whole and not bag.exists():
+                unfinished.rename(bag)
+        except OSError as error:
+            result.add_bag_fault(error)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
     return result
 
 
-def _unfinished(temporary: str) -> str:
+def _unfinished(temporary: str | None) -> str:
     """Return how folders begin in which processes with this folder for temporary files write."""
-    return f'.unfinished_{Path(temporary).name}_'
+    return f'.unfinished_{Path(temporary or "").name}_'
 
 
 def check_here(paths: Iterable[str], options: Options, jobs: int) -> Iterator[Result]:

@@ -261,7 +261,7 @@ def test_report_without_space_does_not_take_the_outputs_with_it(bags, tmp_path, 
 
 @pytest.mark.long
 def test_bag_without_space_does_not_take_the_verdict_with_it(bags, tmp_path):
-    """It is not whole, as a problem of the recording says, and is missed where all is expected."""
+    """It is not kept, as a problem of the recording says, and is missed where all is expected."""
     stored = str(tmp_path / 'stored.json')
     main([bags['collision'], '--as-live', '--json', stored])
     for number, (more, status) in enumerate((([], 1), (['--expect', stored], 3))):
@@ -272,7 +272,8 @@ def test_bag_without_space_does_not_take_the_verdict_with_it(bags, tmp_path):
             bags['collision'], DECLARED, '--as-live', '--write-bag', str(tmp_path / f'{number}'),
             *more], capture_output=True, text=True, env=plain_python())
         assert out.returncode == status, out.stderr
-        assert '--write-bag: it is not whole' in out.stdout and 'obstacle/0' in out.stdout
+        assert '--write-bag: not written' in out.stdout and 'obstacle/0' in out.stdout
+        assert not (tmp_path / f'{number}').exists()
 
 
 def test_example(tmp_path, capsys):

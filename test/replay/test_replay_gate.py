@@ -93,7 +93,8 @@ def test_failed_picture_does_not_take_the_others_with_it(bags, tmp_path, monkeyp
     ('--csv', 'clear', 'is a directory'),
     ('--plot', 'a.xyz', 'should end in'),
     ('--plot', 'a', 'should end in'),
-    ('--write-bag', 'clear', 'already exists')])
+    ('--write-bag', 'clear', 'already exists'),
+    ('--write-bag', 'dangling', 'already exists')])
 def test_invalid_output_paths_are_refused_before_the_run(
         bags, tmp_path, capsys, option, path, words):
     """And nothing is overwritten."""
@@ -102,6 +103,7 @@ def test_invalid_output_paths_are_refused_before_the_run(
     (tmp_path / 'params.png').write_text('/**:\n  ros__parameters:\n    release_delay: 1.0\n')
     (tmp_path / 'stored.json').write_text('{}')
     (tmp_path / 'link.xml').symlink_to(tmp_path / 'clear' / 'clear.mcap')
+    (tmp_path / 'dangling').symlink_to('nowhere')
     before = {file: file.read_bytes() for file in tmp_path.rglob('*') if file.is_file()}
     assert main([bags[0], '--params-file', str(tmp_path / 'params.png'), '--expect',
                  str(tmp_path / 'stored.json'), '--as-live', option, str(tmp_path / path)]) == 3
@@ -158,9 +160,12 @@ def test_output_paths_of_several_recordings_are_checked(bags, tmp_path, capsys):
     """A file or a picture where a folder is needed, and one file for two options."""
     pytest.importorskip('matplotlib')
     (tmp_path / 'file').write_text('')
+    (tmp_path / 'dangling').symlink_to('nowhere')
     for arguments, words in ((['--plot', str(tmp_path / 'file')], 'not a directory'),
                              (['--plot', str(tmp_path / 'all.SVG')], 'a picture shows one'),
                              (['--as-live', '--write-bag', str(tmp_path / 'file' / 'a')],
+                              'not a directory'),
+                             (['--as-live', '--write-bag', str(tmp_path / 'dangling')],
                               'not a directory'),
                              (['--json', str(tmp_path / 'a'), '--csv', str(tmp_path / 'a')],
                               'the same file')):

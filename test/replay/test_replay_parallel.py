@@ -148,6 +148,19 @@ def test_recording_whose_result_was_lost_is_checked_again_beside_its_bag(bags, t
         assert [path.name for path in (tmp_path / 'out').iterdir()] == ['bag0']
 
 
+@pytest.mark.parametrize('place', ('file/out', 'link'))
+def test_bag_that_cannot_be_written_does_not_take_contacts_with_it(bags, tmp_path, place):
+    """Its folder cannot be made, or it cannot be moved to its place: a problem beside them."""
+    (tmp_path / 'file').touch()
+    (tmp_path / 'link').symlink_to('nowhere')
+    result = parallel.check_alone(
+        bags[1], replace(OPTIONS, as_live=True, write_bag=str(tmp_path / place)))
+    problem, = result.problems
+    assert problem.startswith(f'{bags[1]}: --write-bag: not written: ')
+    assert result.contacts and result.verdict is Verdict.COLLISION
+    assert [*tmp_path.glob('.unfinished*')] == []
+
+
 def test_bag_of_one_recording_is_where_it_is_asked_for_on_a_cluster_too(bags, tmp_path, cluster):
     """Several have a folder in which each has its own."""
     out = tmp_path / 'out'

@@ -17,6 +17,7 @@ import enum
 from heapq import merge
 from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
+from sat_collision.extras import in_one_line
 from sat_collision.replay.bag.storage import Limits
 
 if TYPE_CHECKING:
@@ -263,6 +264,15 @@ class Result:
     notes: list[str] = field(default_factory=list)  # what else a reader should know
     keyframes: Keyframes | None = None  # the bodies at moments worth drawing, if asked for
     plan_contacts: list[PlanContact] = field(default_factory=list)
+
+    @property
+    def bag_faults(self) -> list[str]:
+        """The problems for which the bag asked for is not written."""
+        return [problem for problem in self.problems if ' --write-bag: ' in problem]
+
+    def add_bag_fault(self, error: Exception) -> None:
+        """Add the problem that the bag asked for is not written."""
+        self.problems.append(f'{self.bag}: --write-bag: not written: {in_one_line(error)}')
 
     @property
     def duration(self) -> float:

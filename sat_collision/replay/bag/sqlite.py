@@ -25,7 +25,6 @@ from sat_collision.extras import in_one_line
 from sat_collision.replay.bag.storage import (
     Damage, EMPTY, Faults, Limits, Message, Scratch, Storage)
 
-_LOGS = ('-wal', '-journal')
 _COLUMNS = {'topics': {'id', 'name', 'type'}, 'messages': {'id', 'topic_id', 'timestamp', 'data'}}
 _SURVEY = """
 SELECT topic_id, timestamp, CASE typeof(data) WHEN 'blob' THEN length(data) ELSE -1 END
@@ -55,20 +54,26 @@ class SqliteFile(Storage):
     def __init__(self, path: Path, faults: Faults, scratch: Scratch, limits: Limits) -> None:
         super().__init__(faults)
         path = path.resolve()  # beside which SQLite has its logs
-        size = sum(_size(Path(f'{path}{end}')) for end in ('', *_LOGS))
+        log, journal = Path(f'{path}-wal'), Path(f'{path}-journal')
+        size = sum(map(_size, (path, log, journal)))
         self._max_bytes = min(size, limits.chunk)
         # Whether the survey read all rows, and whether all have data of acceptable type and size.
         self._whole = self._plain = False
         self._names: dict[object, str] = {}
         self._connection: sqlite3.Connection | None = None
-        if not size:
+        if not _size(path):
             faults.damaged(EMPTY)
             return
         try:
-            log = Path(f'{path}-wal')
-            if _size(log) and (problem := _problem_of(log)):
-                faults.damaged(f'damaged in its write-ahead log, {log.name}: {problem}')
-            self._connection = _connected(path, scratch)
+            # Only those that count: SQLite removes a write-ahead log without a transaction.
+            logs = [journal] if _is_hot(journal) else []
+            if _size(log):
+                problem, has_transaction = _examined(log)
+                if problem:
+                    faults.damaged(f'damaged in its write-ahead log, {log.name}: {problem}')
+                if has_transaction:
+                    logs.append(log)
+            self._connection = _connected(path, logs, scratch)
             self._read_topics(self._connection)
             self._survey(self._connection, size)
         except (sqlite3.Error, OSError, Damage) as error:
@@ -169,12 +174,17 @@ class SqliteFile(Storage):
             raise Damage(f'its rows announce {announced} bytes, it has {size}')
 
 
-def _problem_of(log: Path) -> str:
-    """Return why SQLite would not read all of a write-ahead log, without a word; '' if it does."""
+def _examined(log: Path) -> tuple[str, bool]:
+    """
+    Return why SQLite would not read all of a write-ahead log, and if any transaction is whole.
+
+    The reason is '' if it reads all; otherwise it says nothing.
+    """
+    has_transaction = False
     with log.open('rb') as file:
         head = file.read(_LOG_SIZE)
         if len(head) < _LOG_SIZE:
-            return 'its header is cut off'
+            return 'its header is cut off', False
         magic, page_size, checkpoints, *salts = _LOG_HEAD.unpack_from(head)
         order = '>u4' if magic & 1 else '<u4'
         words = np.frombuffer(head, '>u4').reshape(1, -1)
@@ -182,7 +192,7 @@ def _problem_of(log: Path) -> str:
         sums = _checksums(np.zeros_like(before), words[:, :6].view(order))
         if (magic & ~1 != _LOG_MAGIC or not 512 <= page_size <= 65536
                 or page_size & (page_size - 1) or (sums != before).any()):
-            return 'its header is wrong'
+            return 'its header is wrong', False
         size, where, whole = _FRAME_SIZE + page_size, _LOG_SIZE, True
         while piece := file.read(_PIECE // size * size):
             count, cut = divmod(len(piece), size)
@@ -195,14 +205,16 @@ def _problem_of(log: Path) -> str:
                 right = ((frames[:, 2:4] == salts) & (frames[:, 4:6] == sums)).all(axis=1)
                 whole = bool(right.all())
                 read = count if whole else int(right.argmin())
+                # The last frame of a transaction has the number of pages after it.
+                has_transaction |= bool(frames[:read, 1].any())
                 before = frames[-1:, 4:6]
             # Frames of before a checkpoint may follow. It raised the first salt by one.
             if (salts[0] - frames[read:, 2] - 1 >= checkpoints).any():
-                return f'it is wrong at byte {where + read * size}'
+                return f'it is wrong at byte {where + read * size}', has_transaction
             where += len(piece)
             if cut and whole:
-                return 'it is cut off'
-    return '' if where > _LOG_SIZE else 'it is cut off'
+                return 'it is cut off', has_transaction
+    return '' if where > _LOG_SIZE else 'it is cut off', has_transaction
 
 
 def _checksums(before: NDArray[Any], *words: NDArray[Any]) -> NDArray[Any]:
@@ -217,8 +229,7 @@ def _checksums(before: NDArray[Any], *words: NDArray[Any]) -> NDArray[Any]:
                            np.hstack((weights[1::-1], weights[1:-1]))), axis=1)
 
 
-def _connected(path: Path, scratch: Scratch) -> sqlite3.Connection:
-    logs = [Path(f'{path}{end}') for end in _LOGS if _size(Path(f'{path}{end}'))]
+def _connected(path: Path, logs: list[Path], scratch: Scratch) -> sqlite3.Connection:
     with path.open('rb') as file:
         page_size = int.from_bytes(file.read(18)[16:], 'big')
     page_size = 65536 if page_size == 1 else page_size
@@ -229,7 +240,7 @@ def _connected(path: Path, scratch: Scratch) -> sqlite3.Connection:
             return _opened(f'{uri}?immutable=1')
         try:
             if Path(f'{path}-shm').exists():  # a recorder may be running
-                return _opened(f'{uri}?mode=ro')
+                return _opened(f'{uri}?mode=ro&readonly_shm=1')
             # Alone, without locks, SQLite needs no file beside the log.
             return _opened(f'{uri}?mode=ro&vfs=unix-none', 'PRAGMA locking_mode = EXCLUSIVE')
         except sqlite3.Error:
@@ -257,6 +268,14 @@ def _opened(uri: str, first: str = '') -> sqlite3.Connection:
 
 def _size(path: Path) -> int:
     return path.stat().st_size if path.exists() else 0
+
+
+def _is_hot(journal: Path) -> bool:
+    """Return whether SQLite would roll back by a journal: its first byte is not zero."""
+    if not journal.exists():
+        return False
+    with journal.open('rb') as file:
+        return file.read(1) > b'\0'
 
 
 def _message_of(error: Exception) -> str:

@@ -30,12 +30,12 @@ CLEAR = drive(contact=(0, 0))
 def test_write_ahead_log_of_a_killed_recorder_is_read(tmp_path, in_file):
     """The collision is in messages that are only in the log; all files stay as they are."""
     file = killed_recorder(tmp_path / 'bag' / 'a.db3', drive(contact=(7.0, 8.0)), in_file)
-    before = {path.name: path.read_bytes() for path in file.parent.iterdir()}
+    before = files_of(file.parent)
     for recording in (file, file.parent):
         result = check(recording)
         assert result.messages == ALL
         assert result.verdict is Verdict.COLLISION
-    assert {path.name: path.read_bytes() for path in file.parent.iterdir()} == before
+    assert files_of(file.parent) == before
 
 
 def test_write_ahead_log_of_a_running_recorder_is_read(tmp_path):
@@ -108,6 +108,11 @@ def test_journal_beside_the_target_of_a_link_is_rolled_back(tmp_path):
 FRAME = 24 + 4096
 
 
+def files_of(folder):
+    """Return names and contents."""
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
 def logged(folder):
     """Return a recording whose messages are only in its log, in several commits, and the log."""
     with contextlib.closing(create_db3(
@@ -145,6 +150,37 @@ def test_damaged_write_ahead_log_is_reported(tmp_path, change):
     problem, = result.problems
     assert result.messages < ALL and result.verdict is not Verdict.CLEAR
     assert str(file) in problem and 'write-ahead log' in problem
+
+
+@pytest.mark.parametrize('with_index', (False, True))
+@pytest.mark.parametrize('path, change', [
+    ('a.db3-wal', lambda log: log[:-7]), ('a.db3-wal', changed(10)),
+    ('a.db3-wal', lambda log: log[:32 + FRAME] + bytes(len(log) - 32 - FRAME)),
+    ('a.db3', lambda _: b''), ('a.db3-journal', lambda _: b'rubbish')],
+    ids=('cut off', 'wrong header', 'wrong frames', 'empty recording', 'rubbish journal'))
+def test_no_file_beside_a_recording_is_changed_or_removed(tmp_path, path, change, with_index):
+    """Nor is a log without a whole transaction, which SQLite removes, so that all seems well."""
+    file = killed_recorder(tmp_path / 'bag' / 'a.db3', drive(contact=(7.0, 8.0)), 120)
+    path = file.parent / path
+    path.write_bytes(change(path.read_bytes() if path.exists() else b''))
+    if with_index:
+        Path(f'{file}-shm').write_bytes(bytes(32768))
+    before = files_of(file.parent)
+    first, second = check(file), check(file)
+    assert files_of(file.parent) == before
+    assert first.problems == second.problems and first.messages == second.messages
+    assert first.verdict is (Verdict.COLLISION if first.messages == ALL else Verdict.BAD_INPUT)
+
+
+@pytest.mark.parametrize('end', ('-wal', '-journal'))
+def test_log_beside_an_empty_recording_is_kept(tmp_path, end):
+    """It is not shown to SQLite, which would remove it."""
+    file = killed_recorder(tmp_path / 'bag' / 'a.db3', drive(contact=(7.0, 8.0)), 120)
+    file.write_bytes(b'')
+    Path(f'{file}-wal').rename(f'{file}{end}')
+    before = files_of(file.parent)
+    problem, = check(file).problems
+    assert 'the file is empty' in problem and files_of(file.parent) == before
 
 
 def in_other_order(log):

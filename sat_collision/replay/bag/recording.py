@@ -127,7 +127,7 @@ class Recording(Storage):
             return [self.path] if self.path.exists() else []
         present = sorted(
             (file for file in self.path.iterdir() if file.name.endswith(_STORAGE)),
-            key=lambda file: [int(part) if part.isdigit() else part
+            key=lambda file: [int(part) if part.isdecimal() else part
                               for part in re.split(r'(\d+)', file.name)])
         metadata = self.path / 'metadata.yaml'
         faults = self._faults_of(metadata)
@@ -162,7 +162,10 @@ class Recording(Storage):
         more = [file.name for file in present if file not in listed]
         if more:
             self._faults.differs('more', f'metadata.yaml does not list {", ".join(more)}')
-        return [file for file in listed if file.exists()] or present
+        # A file that was decompressed beside the listed one is not read again.
+        files = [file for file in listed if file.exists()]
+        names = {file.name.removesuffix('.zstd') for file in files}
+        return files + [file for file in present if file.name.removesuffix('.zstd') not in names]
 
     def _open(self, file: Path) -> None:
         """Open a storage file; if it is compressed as a whole, decompress it first."""
@@ -262,6 +265,8 @@ def read_metadata(path: Path, max_bytes: int) -> Metadata:
         raise Damage('not a file')
     try:
         content = yaml.load(path.read_text(encoding='utf-8'), _Loader)
+    except OSError:
+        raise
     except Exception as error:  # whatever the constructors of YAML's types raise
         raise Damage(f'is not YAML: {in_one_line(error)}') from error
     information = _entry(content, 'rosbag2_bagfile_information', dict)

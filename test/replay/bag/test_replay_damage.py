@@ -144,9 +144,13 @@ def test_metadata_with_more_messages_is_bad_input(tmp_path, storage):
 
 
 def test_file_missing_in_metadata_is_reported(tmp_path):
+    """And read: it has the collision."""
     bag = write(tmp_path / 'bag', CLEAR)
     write_mcap(bag / 'bag_1.mcap', drive())
-    assert 'bag_1.mcap' in problem_of(bag)
+    result = check(bag)
+    problem, = result.problems
+    assert result.verdict is Verdict.COLLISION and result.messages == 2 * ALL
+    assert 'does not list bag_1.mcap' in problem
 
 
 def test_messages_of_unknown_topics_are_reported(tmp_path):

@@ -154,6 +154,40 @@ def test_times_in_metadata_that_are_less_exact_are_no_fault(tmp_path, of_file, o
     assert check(tmp_path / 'bag').problems == []
 
 
+@pytest.mark.parametrize('is_unpacked', (False, True))
+def test_file_of_several_that_was_renamed_is_read(tmp_path, is_unpacked):
+    """It has the contact; or it was decompressed, with the others beside it."""
+    file = split(tmp_path / 'bag', *['mcap', 'file'] * is_unpacked)[0][3]
+    if is_unpacked:
+        file.with_suffix('').write_bytes(storages.unpacked(file.read_bytes(), 'zstd', 10**9))
+        beside = check(tmp_path / 'bag')
+        assert beside.messages == 600 and 'does not list' in beside.problems[0]
+        file.unlink()
+    else:
+        file.rename(file.with_name('other.mcap'))
+    result = check(tmp_path / 'bag')
+    problem, = result.problems
+    assert (result.messages, result.verdict) == (600, Verdict.COLLISION)
+    assert f'{file.name} is missing; metadata.yaml does not list' in problem
+
+
+def test_digits_in_names_of_files_that_are_no_numbers(tmp_path):
+    """Such as a superscript."""
+    bag = write(tmp_path / 'bag', drive())
+    storage_file(bag).rename(bag / 'run5²0.mcap')
+    assert check(bag).messages == ALL
+
+
+def test_metadata_that_cannot_be_read_is_not_called_invalid(tmp_path):
+    """The message has the error; the storage files are read nevertheless."""
+    metadata = write(tmp_path / 'bag', drive()) / 'metadata.yaml'
+    metadata.unlink()
+    metadata.symlink_to('/proc/self/mem')
+    result = check(tmp_path / 'bag')
+    problem, = result.problems
+    assert problem.startswith(f'{metadata}: [Errno 5]') and result.messages == ALL
+
+
 @pytest.mark.parametrize('as_live', (False, True))
 @pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
 @pytest.mark.parametrize('file_of', (

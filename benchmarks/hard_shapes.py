@@ -24,7 +24,7 @@ from builders import serialised
 import numpy as np
 from page_parts import replace_part
 from sat_collision import intersects, Polygon, separation
-from sat_collision.geometry.body.polygon import max_non_convex, Packer
+from sat_collision.geometry.body.polygon import max_in_time, Packer
 from sat_collision.geometry.compiled.jit import COMPILED
 from sat_collision.messages.cdr import decode
 from scene import monitor_of
@@ -88,7 +88,7 @@ def _best(function, *arguments, repeats=5):
 def measure():
     """Return for each shape its times, and its worst counterpart."""
     packer = Packer(MAX_VERTICES)
-    outlines = shapes(max_non_convex(MAX_VERTICES), np.random.default_rng(1))
+    outlines = shapes(max_in_time(MAX_VERTICES), np.random.default_rng(1))
     found = {}
     for name, outline in outlines.items():
         messages = [decode(serialised(_placed(outline, 0.0, 0.0, turn), 0), False)[2]

@@ -54,19 +54,21 @@ class Monitor:
         Receives the accepted messages.
     decides_contacts : bool, optional
         Whether the scene decides contacts; if not, only what is unknown is found.
+    max_non_convex : int, optional
+        The most vertices accepted of a non-convex polygon, if fewer than of others.
 
     """
 
     def __init__(self, settings: Settings, transforms: bool = False,
                  placements: list[Placement] | None = None,
-                 decides_contacts: bool = True) -> None:
+                 decides_contacts: bool = True, max_non_convex: int | None = None) -> None:
         self.scene = Scene(settings, decides_contacts)
         # Number of messages by name of the footprint or source; for an outline, of its poses.
         self.received: Counter[str] = Counter()
         self.transforms = TransformListener(settings)
         has_transforms = transforms or any(one.odometry for one in settings.footprints)
         self.ingest = Ingest(settings, self.scene, self.transforms if has_transforms else None,
-                             placements)
+                             placements, max_non_convex)
         # Number of refused messages, by (name, reason).
         self.rejected = self.ingest.rejected
         self.outlines = Outlines(settings, self.ingest, self.transforms, self.received)

@@ -120,11 +120,13 @@ class Ingest:
     Decodes messages, places them in the fixed frame and applies them to a scene, or refuses them.
 
     If `transforms` is None, all messages in other frames are refused. `placements` receives the
-    accepted messages.
+    accepted messages. `max_non_convex` is the most vertices of a non-convex polygon, if fewer than
+    of others.
     """
 
     def __init__(self, settings: Settings, scene: Scene, transforms: TransformListener | None,
-                 placements: list[Placement] | None = None) -> None:
+                 placements: list[Placement] | None = None,
+                 max_non_convex: int | None = None) -> None:
         self._placements = placements
         self.rejected: Counter[tuple[str, str]] = Counter()  # messages, by (name, reason)
         self._scene = scene
@@ -132,7 +134,7 @@ class Ingest:
         self._fixed = settings.frame_id
         self._decode = {one.name: _DECODERS[one.type] for one in settings.inputs}
         self._refused: list[tuple[int, PolygonError]] = []  # polygons of the last collection
-        self._packer = Packer(settings.max_vertices)
+        self._packer = Packer(settings.max_vertices, max_non_convex)
         # By source of a map: the frame of a message refused for lack of a transform.
         self.untransformed: dict[str, str] = {}
         # By source without ids, of the last obstacle accepted: the bytes between its stamp and its

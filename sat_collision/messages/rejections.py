@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from sat_collision.geometry.body.polygon import Reason
+from sat_collision.geometry.body.polygon import NOT_CONVEX, Reason
 from sat_collision.scene import frames
 from sat_collision.scene.frames import in_quotes
 from sat_collision.scene.obstacle_store import OTHER_FRAME, TOO_MANY
@@ -84,7 +84,11 @@ class Rejection(NamedTuple):
     @property
     def text(self) -> str:
         """A full sentence: topic, reason, and what to do."""
-        advice = '' if BY_ANOTHER_CLOCK in self.detail else f'; {_ADVICE[self.reason]}'
+        advice = f'; {_ADVICE[self.reason]}'
+        if BY_ANOTHER_CLOCK in self.detail:
+            advice = ''
+        elif NOT_CONVEX in self.detail:
+            advice = '; simplify the polygon or run the node with numba'
         return (f'{self.name}: a message on {self.topic} was rejected, {self.reason}: '
                 f'{self.detail}{advice}')
 

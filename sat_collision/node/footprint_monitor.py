@@ -31,6 +31,7 @@ from rclpy.qos import QoSLivelinessPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import get_rmw_implementation_identifier
 from sat_collision.extras import in_one_line
+from sat_collision.geometry.body.polygon import max_in_time
 from sat_collision.geometry.compiled.compilation import kernel_problem
 from sat_collision.geometry.compiled.jit import KERNEL
 from sat_collision.geometry.preparation import Preparation
@@ -104,7 +105,8 @@ class FootprintMonitor(Node):
         self._choose_clock()
         self._watch_jumps(settings.future_tolerance)
         transforms = transform_type(self, settings)
-        self._monitor = Monitor(settings, transforms is not None)
+        self._monitor = Monitor(settings, transforms is not None,
+                                max_non_convex=max_in_time(settings.max_vertices))
         self._scene = self._monitor.scene
         middleware = get_rmw_implementation_identifier()
         self._scene.use_middleware(middleware)

@@ -92,8 +92,12 @@ def test_import_and_replay_without_write_access(start, place, arguments):
 
 
 @pytest.mark.parametrize('broken', [False, True], ids=['missing', 'broken'])
-def test_node_without_a_compiler(start, place, broken):
-    """The log names plain Python as its kernel, with a warning only if it is broken."""
+def test_node_without_a_compiler(start, place, domain, broken):
+    """
+    The log names plain Python as its kernel, with a warning only if it is broken.
+
+    What would take plain Python too long is refused.
+    """
     if broken:
         pytest.importorskip('numba')
         (place / 'llvmlite.py').write_text("raise OSError('no libllvmlite.so')")
@@ -103,6 +107,11 @@ def test_node_without_a_compiler(start, place, broken):
     text = ''.join(lines_until(node, 'on /obstacles'))
     assert 'ready' in text and ('WARN' in text) is broken
     assert ('plain Python: OSError: no libllvmlite.so' if broken else '(plain Python)') in text
+    peer = Peer(domain)
+    peer.send('obstacles', [((1 + k % 2) * math.cos(2 * math.pi * k / 130),
+                             (1 + k % 2) * math.sin(2 * math.pi * k / 130)) for k in range(130)])
+    lines_until(node, '130 vertices, but at most 128')
+    peer.close()
     node.terminate()
     assert node.wait(60) == 0
 

@@ -9,13 +9,14 @@
 
 """When kernels are compiled before a check, and the messages about it."""
 
+import math
 import os
 import subprocess
 import sys
 
 from compiled import COMPILED_FILES, copy_package, MARK
 import pytest
-from recordings import box, DECLARED, drive, SOURCE, STAMPS, write
+from recordings import box, DECLARED, drive, main, SOURCE, STAMPS, write
 from sat_collision.geometry.compiled.jit import COMPILED
 from sat_collision.replay import kernels
 from sat_collision.replay.bag.storage import Limits
@@ -110,6 +111,22 @@ print(sat_collision.separation([(0, 0)], [(1, 0)]))
 """)
     lines = result.stdout.splitlines()
     assert (lines[0], lines[-2:]) == ('True', ['0', '1.0']), result.stdout + result.stderr
+
+
+def test_plain_python_takes_polygons_of_many_vertices(start, tmp_path, capsys):
+    """As kernels do: what is refused must not depend on whether any are compiled."""
+    star = [((1 + k % 2) * math.cos(2 * math.pi * k / 130),
+             (1 + k % 2) * math.sin(2 * math.pi * k / 130)) for k in range(130)]
+    bag = str(write(tmp_path / 'bag', [
+        sent for k in range(3) for sent in (('/footprint', k / 10, box(0)),
+                                            ('/obstacles', k / 10, star),
+                                            ('/obstacles', k / 10, []))]))
+    results = [tmp_path / name for name in ('compiled.json', 'plain.json')]
+    assert main([bag, DECLARED, '--json', str(results[0])]) == 1, capsys.readouterr().out
+    plain = start('-m', 'sat_collision.replay', bag, DECLARED, '--json', str(results[1]),
+                  NUMBA_DISABLE_JIT='1')
+    assert plain.returncode == 1, plain.stdout
+    assert results[0].read_bytes() == results[1].read_bytes()
 
 
 @pytest.fixture

@@ -127,9 +127,9 @@ class World:
         return [rejection.reason for rejection in self.rejections]
 
 
-def clear_monitor(settings=SETTINGS):
+def clear_monitor(settings=SETTINGS, max_non_convex=None):
     """Return a monitor with a footprint at 0, and a far obstacle of each source."""
-    monitor = Monitor(settings)
+    monitor = Monitor(settings, max_non_convex=max_non_convex)
     if len(settings.obstacles) > 1:
         # The source is known after its timeout of 2 s and future_tolerance.
         for number, ago in enumerate((3.1, 1.5, 0.0), 1):

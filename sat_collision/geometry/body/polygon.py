@@ -31,7 +31,8 @@ from sat_collision.geometry.numeric.vectors import centroid
 
 MAX_VERTICES = 1024
 # As many as plain Python cuts into convex parts and measures in time, see docs/reliability.md.
-_MAX_NON_CONVEX = 128
+_MAX_IN_TIME = 128
+NOT_CONVEX = 'of a polygon that is not convex'
 # Messages with more points than this times the max vertices are refused unread.
 _POINTS_FOR_A_VERTEX = 8
 
@@ -216,7 +217,7 @@ class Polygon:
         elif verdict == TOO_MANY:
             limit = str(max_vertices)
             if count <= max_vertices:
-                limit = f'{max_non_convex} of a polygon that is not convex, in {KERNEL},'
+                limit = f'{max_non_convex} {NOT_CONVEX}, in {KERNEL},'
             raise PolygonError(Reason.TOO_MANY_VERTICES,
                                f'{count} vertices, but at most {limit} are accepted')
         else:
@@ -288,17 +289,17 @@ class Polygon:
 BodyLike: TypeAlias = Polygon | ArrayLike | Geometry
 
 
-def max_non_convex(max_vertices: int) -> int:
-    """Return the max vertices of a non-convex polygon, given those of any polygon."""
-    return max_vertices if COMPILED else min(max_vertices, _MAX_NON_CONVEX)
+def max_in_time(max_vertices: int) -> int:
+    """Return the max vertices of a non-convex polygon for a node, given those of any polygon."""
+    return max_vertices if COMPILED else min(max_vertices, _MAX_IN_TIME)
 
 
 class Packer:
     """Packs the points of messages, convex ones into an array used again each time."""
 
-    def __init__(self, max_vertices: int) -> None:
+    def __init__(self, max_vertices: int, max_non_convex: int | None = None) -> None:
         self.max_vertices = max_vertices
-        self._max_non_convex = max_non_convex(max_vertices)
+        self._max_non_convex = max_vertices if max_non_convex is None else max_non_convex
         # One more, for a closing point; messages with even more points may be slow.
         self._max_points = max_vertices + 1
         self.array = workspace(max_vertices)

@@ -70,6 +70,7 @@ def test_twist_mux_is_locked_by_the_flag(start):
     """
     parameters = read_yaml('config', 'twist_mux.yaml')['/**']['ros__parameters']
     topics, locks = parameters['topics'], parameters['locks']
+    assert parameters['use_stamped'] is False, 'twist_mux 4.4 does not start without it'
     for one in (*topics.values(), *locks.values()):
         assert {key: type(value) for key, value in one.items()} == {
             'topic': str, 'timeout': float, 'priority': int}

@@ -42,7 +42,7 @@ def end_on_signals() -> None:
 
 
 class Signalled:
-    """Whether a signal has arrived; further ones are ignored."""
+    """Whether a signal has arrived."""
 
     def __init__(self) -> None:
         self._has_arrived = False
@@ -54,10 +54,12 @@ class Signalled:
             os.close(write_end)
 
     def __call__(self) -> bool:
-        """Return whether the node should stop."""
+        """Return whether the node should stop; from then on signals are ignored."""
+        if self._has_arrived:
+            # Not in the handler: Python would print an error for another signal that came with it.
+            for number in _SIGNALS:
+                signal.signal(number, signal.SIG_IGN)
         return self._has_arrived
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        for further in _SIGNALS:
-            signal.signal(further, signal.SIG_IGN)
         self._has_arrived = True

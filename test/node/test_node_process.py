@@ -163,6 +163,29 @@ def test_repeated_signals(launch_ready, peer):
     assert status in (0, -signal.SIGINT), 'the interpreter itself may be ending already'
 
 
+SIGNALS_AT_ONCE = """
+import os, signal
+from sat_collision.node.signals import end_on_signals, Signalled
+end_on_signals()
+has_ended = Signalled()
+both = signal.SIGINT, signal.SIGTERM
+signal.pthread_sigmask(signal.SIG_BLOCK, both)
+for number in both:
+    os.kill(os.getpid(), number)
+signal.pthread_sigmask(signal.SIG_UNBLOCK, both)
+assert has_ended()
+for number in both:
+    assert signal.getsignal(number) is signal.SIG_IGN, 'not even while the interpreter ends'
+"""
+
+
+def test_two_signals_at_once(run):
+    """An interrupt of the terminal while a supervisor ends the node: nothing is printed."""
+    process = run('-c', SIGNALS_AT_ONCE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                  text=True)
+    assert ended(process) == (0, '')
+
+
 def test_signal_while_the_node_starts(launch):
     process = launch(env=WITH_KERNELS)
     output_until(process, 'kernels')

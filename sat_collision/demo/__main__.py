@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+import signal
 import sys
 
 from sat_collision.extras import missing
@@ -19,6 +20,9 @@ from sat_collision.extras import missing
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the demo; return the exit status."""
+    # While libraries load there is nothing to put away.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_DFL)
     try:
         from sat_collision.demo.show import show
     except ModuleNotFoundError as error:

@@ -16,6 +16,7 @@ polygon ends each set. What the node says of the robot is printed.
 
 from __future__ import annotations
 
+import argparse
 import math
 import signal
 import sys
@@ -30,6 +31,9 @@ _POST = (1.0, -0.1), (1.2, -0.1), (1.2, 0.1), (1.0, 0.1)
 
 def main() -> int:
     """Publish until a signal arrives; return the exit status."""
+    # Arguments of ROS are for rclpy.
+    argparse.ArgumentParser('python -m sat_collision.demo.publish',
+                            description=__doc__).parse_known_args()
     try:
         from diagnostic_msgs.msg import DiagnosticArray
         from geometry_msgs.msg import Point32, PolygonStamped

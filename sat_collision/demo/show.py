@@ -23,6 +23,8 @@ from functools import partial
 from importlib.util import find_spec
 import math
 import os
+from pathlib import Path
+import signal
 import subprocess
 import sys
 import time
@@ -42,6 +44,7 @@ from nav_msgs.msg import Odometry
 import numpy as np
 import rclpy
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from sat_collision.demo import warehouse
 from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
@@ -386,20 +389,26 @@ def _draw_markers(markers: MarkerArray, axes: Axes) -> None:
 
 def show(args: Sequence[str] | None = None) -> int:
     """Run the demo; return the exit status."""
-    parser = argparse.ArgumentParser(description='See the monitor at work in a warehouse.')
+    parser = argparse.ArgumentParser('sat_collision_demo',
+                                     description='See the monitor at work in a warehouse.')
     parser.add_argument('--publish', action='store_true', help='only publish the scene')
     parser.add_argument('--picture', default='demo.png', help='where to draw the first contact')
     parser.add_argument('--movie', default='demo.gif', help='where to draw the whole scene')
     options = parser.parse_args(args)
     if options.publish:
-        rclpy.init()
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         _Publisher().play()
         rclpy.shutdown()
         return 0
+    for path in (options.picture, options.movie):
+        if not os.access(Path(path).parent, os.W_OK):
+            parser.error(f'cannot write {path}')
     # Keep the demo apart from other nodes on the network.
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     os.environ['ROS_DOMAIN_ID'] = str(DOMAINS[os.getpid() % len(DOMAINS)])
-    rclpy.init()
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, frame: sys.exit(128 + number))
     viewer = _Viewer()
     is_right = _watch(viewer) and _is_right(viewer)
     rclpy.shutdown()

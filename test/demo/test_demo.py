@@ -9,6 +9,7 @@
 """The scene of the demo has exactly its listed contacts; the demo and the first try report."""
 
 import os
+from pathlib import Path
 import re
 import signal
 import subprocess
@@ -17,7 +18,7 @@ import sys
 from conftest import locked_domain
 import numpy as np
 import pytest
-from sat_collision.demo import warehouse
+from sat_collision.demo import publish, warehouse
 
 shapely = pytest.importorskip('shapely')
 
@@ -93,6 +94,59 @@ def test_demo_succeeds(tmp_path):
         red, green, blue = np.moveaxis(np.asarray(frames.convert('RGB')), 2, 0)
         assert ((red > 200) & (green < 60) & (blue < 60)).any()
     assert movie.stat().st_size < 3e6
+
+
+@pytest.fixture
+def demo(run, tmp_path):
+    """Return the process of the demo, with its children in a session of its own."""
+    pytest.importorskip('rclpy')
+    pytest.importorskip('matplotlib')
+    return run('-m', 'sat_collision.demo', '--picture', str(tmp_path / 'demo.png'),
+               '--movie', str(tmp_path / 'demo.gif'), start_new_session=True,
+               stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+
+
+def test_demo_is_interrupted_while_it_loads(demo):
+    """Nothing is printed."""
+    while 'matplotlib' not in Path(f'/proc/{demo.pid}/maps').read_text():
+        assert demo.poll() is None
+    demo.send_signal(signal.SIGINT)
+    assert demo.communicate(timeout=60)[0] == ''
+    assert demo.returncode == -signal.SIGINT
+
+
+@pytest.mark.parametrize('send, number', [(os.killpg, signal.SIGINT), (os.kill, signal.SIGTERM)],
+                         ids=['interrupt of all', 'end of the first'])
+def test_demo_is_ended_while_the_scene_plays(demo, send, number):
+    """All of its processes end, without a traceback."""
+    while 'collision: False' not in (line := demo.stdout.readline()):
+        assert line
+    send(demo.pid, number)
+    output, _ = demo.communicate(timeout=60)
+    assert 'Traceback' not in output and 'Error' not in output, output
+    assert demo.returncode == 128 + number
+    with pytest.raises(ProcessLookupError):
+        os.killpg(demo.pid, 0)
+
+
+@pytest.mark.parametrize('option', ['--picture', '--movie'])
+def test_demo_needs_a_folder_for_its_pictures(tmp_path, option):
+    """It says so at once, not after the scene."""
+    pytest.importorskip('rclpy')
+    pytest.importorskip('matplotlib')
+    result = subprocess.run([sys.executable, '-m', 'sat_collision.demo', option,
+                             tmp_path / 'nowhere' / 'x.png'],
+                            capture_output=True, text=True, timeout=60)
+    assert result.returncode == 2
+    assert result.stderr.splitlines()[-1].startswith('sat_collision_demo: error: cannot write')
+
+
+def test_what_the_first_try_does_is_printed(capsys, monkeypatch):
+    """Without publishing anything."""
+    monkeypatch.setattr(sys, 'argv', ['publish.py', '--help'])
+    with pytest.raises(SystemExit):
+        publish.main()
+    assert 'a robot that drives into a post' in capsys.readouterr().out
 
 
 def test_what_the_node_says_is_printed(start, run):

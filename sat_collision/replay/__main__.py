@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 import contextlib
+import resource
 import signal
 import sys
 import traceback
@@ -35,6 +36,9 @@ def main(args: Sequence[str] | None = None) -> int:
             # Imported here, as an interrupt may come during these slow imports.
             from sat_collision.replay.arguments import parse
             options = parse(args)
+            # All files of a recording are open at once.
+            _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+            resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
             from sat_collision.replay.kernels import choose, prepare
             # The workers of a cluster have kernels of their own, and so has a program that used
             # the library before.

@@ -29,6 +29,7 @@ from rosbags.rosbag2 import Reader
 from sat_collision.demo import warehouse
 from sat_collision.replay.losses import UNSEEN
 from sat_collision.replay.output.text import Progress
+from storages import channel, mcap_of, message, schema
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -274,6 +275,18 @@ def test_bag_without_space_does_not_take_the_verdict_with_it(bags, tmp_path):
         assert out.returncode == status, out.stderr
         assert '--write-bag: not written' in out.stdout and 'obstacle/0' in out.stdout
         assert not (tmp_path / f'{number}').exists()
+
+
+def test_more_files_than_may_be_open_at_first(tmp_path):
+    """A recording in 200 files where a shell allows 100 open ones, and a process itself more."""
+    for k in range(200):
+        (tmp_path / f'{k}.mcap').write_bytes(mcap_of(
+            schema(), channel(1, b'/footprint'), message(1, box(0.0), k / 10)))
+    program = ('import resource, sys\nresource.setrlimit(resource.RLIMIT_NOFILE, (100, 300))\n'
+               'from sat_collision.replay.__main__ import main\nsys.exit(main(sys.argv[1:]))')
+    done = subprocess.run([sys.executable, '-c', program, tmp_path], capture_output=True,
+                          text=True, env=plain_python())
+    assert 'Too many open files' not in done.stdout + done.stderr and '200 messages' in done.stdout
 
 
 def test_example(tmp_path, capsys):

@@ -26,6 +26,7 @@ import re
 import shutil
 import signal
 import tempfile
+import threading
 import time
 import traceback
 from uuid import uuid4
@@ -138,9 +139,17 @@ def _pool(jobs: int, folder: str) -> ProcessPoolExecutor:
 
 
 def _begin(folder: str) -> None:
-    """Let a process end silently when it is interrupted at the terminal."""
+    """Let a process end silently when it is interrupted at the terminal, and with its parent."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     tempfile.tempdir = folder
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """End this process when its parent is killed, from which it would wait for work for ever."""
+    if parent := multiprocessing.parent_process():
+        parent.join()
+        os._exit(1)
 
 
 def check_on_cluster(paths: Sequence[str], options: Options, address: str) -> Iterator[Result]:

@@ -9,6 +9,7 @@
 
 """Many recordings at once: on local processes and on a Dask cluster over TCP."""
 
+import contextlib
 from dataclasses import replace
 import functools
 from itertools import permutations
@@ -270,6 +271,23 @@ def test_signal_leaves_no_temporary_files(long_bags, tmp_path, number, jobs):
     assert process.returncode == 2 and error.endswith('replay_check: interrupted\n')
     assert all(line.startswith('replay_check: ') for line in error.splitlines())
     assert [*temporary.iterdir()] == []
+
+
+def test_killed_command_leaves_no_process(long_bags, tmp_path):
+    """Its workers end with it; they have its standard output open as long as they run."""
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'sat_collision.replay', *long_bags, '--jobs', '2'],
+        stdout=subprocess.PIPE, start_new_session=True,
+        env={**os.environ, 'TMPDIR': str(tmp_path)})
+    try:
+        while len([*tmp_path.rglob('*.db3')]) < 2:
+            assert process.poll() is None
+            time.sleep(0.01)
+        process.kill()
+        process.communicate(timeout=60)
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
 
 
 @pytest.mark.parametrize('count', (1, pytest.param(2, marks=pytest.mark.long)))

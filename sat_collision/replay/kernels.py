@@ -53,7 +53,8 @@ def choose(bags: Iterable[str], limits: Limits) -> bool:
     from sat_collision.replay.bag.recording import Recording
     left = _FEW
     for bag in bags:
-        with Recording(bag, limits) as recording:
+        # Its check says what is wrong with a recording.
+        with contextlib.suppress(Exception), Recording(bag, limits) as recording:
             left -= sum(recording.counts[topic] for topic, kind in recording.topics.items()
                         if kind in _TYPES)
         if left <= 0:

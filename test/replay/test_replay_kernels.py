@@ -19,6 +19,7 @@ import pytest
 from recordings import box, DECLARED, drive, main, SOURCE, STAMPS, write
 from sat_collision.geometry.compiled.jit import COMPILED
 from sat_collision.replay import kernels
+from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.bag.storage import Limits
 
 pytestmark = pytest.mark.skipif(not COMPILED, reason='nothing is compiled here')
@@ -164,3 +165,18 @@ def test_long_recordings_are_compiled_for(unprepared, monkeypatch):
     (unprepared / 'mark').touch()
     assert not kernels.choose([small], Limits())
     assert os.environ['NUMBA_DISABLE_JIT'] == '0'
+
+
+def test_recording_that_cannot_be_counted_is_not_compiled_for(unprepared, monkeypatch):
+    """Its check says why, and those of others go on, after an unexpected error, too."""
+    def opened(recording):
+        if recording.path.name == 'broken':
+            raise ValueError('broken')
+        return enter(recording)
+
+    enter = Recording.__enter__
+    monkeypatch.setattr(Recording, '__enter__', opened)
+    monkeypatch.setattr(kernels, '_FEW', 60)
+    small = str(write(unprepared / 'small', drive(1.0)))
+    assert kernels.choose(['broken', small, small], Limits())
+    assert not kernels.choose(['broken', small], Limits())

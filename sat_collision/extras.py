@@ -41,5 +41,5 @@ def in_one_line(error: BaseException) -> str:
 
 
 def printable(text: str) -> str:
-    """Return a text without control characters: names in a recording may have any."""
-    return ''.join(one if one.isprintable() or one == '\n' else '?' for one in text)
+    """Return a text in one line without control characters: names of recordings may have any."""
+    return ''.join(one if one.isprintable() else '?' for one in text)

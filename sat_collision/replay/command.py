@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
+import contextlib
 from dataclasses import fields
 from functools import partial
 import os
@@ -98,7 +99,7 @@ def _run(arguments: argparse.Namespace) -> int:
             words = in_one_line(error) if isinstance(error, OSError) else unexpected(error)
             faults.append(f'--{option}: {words}')
     for fault in faults:
-        print(f'replay_check: {fault}', file=sys.stderr)
+        print(f'replay_check: {printable(fault)}', file=sys.stderr)
         verdict = max(verdict, Verdict.BAD_INPUT, key=SEVERITY.index)
     return int(verdict)
 
@@ -172,21 +173,23 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
 
 
 def _files_of(path: Path) -> list[Path]:
-    """Return the files that an input consists of."""
-    named = [path] if not path.is_dir() else [
-        file for file in path.iterdir()
-        if file.name == 'metadata.yaml' or file.name.endswith(_OF_RECORDING)]
+    """Return the files that an input consists of; none where they cannot be looked at."""
+    named = [path]
+    if os.path.isdir(path):
+        with contextlib.suppress(OSError):
+            named = [file for file in path.iterdir()
+                     if file.name == 'metadata.yaml' or file.name.endswith(_OF_RECORDING)]
     return [file for one in named for end in ('', *_LOGS)
-            if (file := Path(f'{os.path.realpath(one)}{end}')).exists()]
+            if os.path.exists(file := Path(f'{os.path.realpath(one)}{end}'))]
 
 
 def _check_all(arguments: argparse.Namespace, options: Options, terminal: _Terminal
                ) -> list[Result]:
     """Check and report each recording, and return the results."""
-    strays = [bag for bag in arguments.bags if not Path(bag).exists()]
+    strays = [bag for bag in arguments.bags if not os.path.exists(bag)]
     if strays and (arguments.footprints or arguments.obstacles):
-        print(f'replay_check: {strays[0]} is taken for a recording; each topic needs an option '
-              'of its own, --obstacles A --obstacles B', file=sys.stderr)
+        print(f'replay_check: {printable(strays[0])} is taken for a recording; each topic needs '
+              'an option of its own, --obstacles A --obstacles B', file=sys.stderr)
     results: list[Result] = []
     for result in _results(arguments, options):
         terminal.say(report(result), result.verdict)
@@ -217,7 +220,8 @@ def _results(arguments: argparse.Namespace, options: Options) -> Iterator[Result
                 progress.show(count / len(bags))
         return
     for number, bag in enumerate(bags, 1):
-        progress = Progress(f'{number} of {len(bags)}: {Path(bag).name}' if several else '')
+        progress = Progress(
+            f'{number} of {len(bags)}: {printable(Path(bag).name)}' if several else '')
         try:
             result = (check_one if several else check_alone)(bag, options, progress.show)
         except Exception as error:

@@ -10,6 +10,7 @@
 """The command as a release gate: unexpected errors are not verdicts, errors are one line."""
 
 import json
+import os
 from pathlib import Path
 import re
 import shutil
@@ -126,6 +127,30 @@ def test_files_beside_a_storage_file_are_inputs(tmp_path, capsys, end):
     for recording in (file, links / 'a.db3', links):
         assert main([str(recording), '--json', str(there)]) == 3
         assert 'is an input' in capsys.readouterr().err and there.read_bytes() == before
+
+
+@pytest.mark.parametrize('more', (
+    [], ['--footprint', '/footprint'], ['--as-live', '--write-bag', 'out']))
+def test_path_that_cannot_be_looked_at_is_bad_input(bags, tmp_path, monkeypatch, capsys, more):
+    """All others are checked; here it is too long to be a name."""
+    monkeypatch.chdir(tmp_path)
+    assert main(['x' * 300, bags[1], '--json', 'a.json', *more]) == 1
+    out = capsys.readouterr().out
+    assert 'x: BAD INPUT\n' in out and 'touching: COLLISION\n' in out
+
+
+def test_folder_that_cannot_be_listed_is_bad_input(bags, monkeypatch, capsys):
+    """All others are checked."""
+    def listed(folder):
+        if folder == Path(bags[0]):
+            raise PermissionError(13, 'Permission denied')
+        return iterdir(folder)
+
+    iterdir = Path.iterdir
+    monkeypatch.setattr(Path, 'iterdir', listed)
+    assert main([*bags, '--json', os.devnull]) == 1
+    out = capsys.readouterr().out
+    assert 'clear: BAD INPUT\n' in out and 'touching: COLLISION\n' in out
 
 
 def test_recordings_of_one_name_are_not_written_to_one_place(bags, tmp_path, capsys):
@@ -322,17 +347,21 @@ def test_momentary_contact_is_not_printed_as_0_s(tmp_path, capsys):
 
 
 @pytest.mark.parametrize('name, encoding', [
-    ('b\udcffg\x01', 'utf-8'), pytest.param('bäg', 'ascii', marks=pytest.mark.long)])
+    ('b\udcffg\x01\nx', 'utf-8'), pytest.param('bäg', 'ascii', marks=pytest.mark.long)])
 def test_paths_that_are_no_text(bags, tmp_path, name, encoding):
     """Bytes that are not UTF-8, control characters, or letters that the terminal does not have."""
+    pytest.importorskip('matplotlib')
     shutil.copytree(bags[0], tmp_path / name)
-    outputs = [tmp_path / f'a.{kind}' for kind in ('json', 'csv', 'junit', 'html')]
-    options = [f'--{one}={path}' for one, path in zip(('json', 'csv', 'junit', 'plot'), outputs)]
-    done = subprocess.run(
-        [sys.executable, '-m', 'sat_collision.replay', tmp_path / name, DECLARED, *options],
-        capture_output=True, env=plain_python(PYTHONIOENCODING=f'{encoding}:strict'))
-    assert (done.returncode, done.stderr) == (0, b'')
-    assert b'CLEAR' in done.stdout and b'problem' not in done.stdout
+    outputs = [tmp_path / f'a.{kind}' for kind in ('json', 'csv', 'junit')]
+    options = [f'--{one}={path}' for one, path in zip(('json', 'csv', 'junit'), outputs)]
+    for plot in ('a.html', 'a.png'):
+        done = subprocess.run(
+            [sys.executable, '-m', 'sat_collision.replay', tmp_path / name, DECLARED, *options,
+             f'--plot={tmp_path / plot}'],
+            capture_output=True, env=plain_python(PYTHONIOENCODING=f'{encoding}:strict'))
+        assert (done.returncode, done.stderr) == (0, b'')
+        assert done.stdout.splitlines()[0].endswith(b': CLEAR') and b'problem' not in done.stdout
+        assert (tmp_path / plot).exists()
     assert ElementTree.parse(outputs[2]).getroot().tag == 'testsuites'
 
 

@@ -19,6 +19,7 @@ import sys
 import time
 from typing import Any, NamedTuple, TextIO
 
+from sat_collision.extras import printable
 from sat_collision.replay.model.result import (
     BETWEEN_SAMPLES, Contact, deepest_contacts, FootprintResult, joined, MAX_CONTACTS, overall,
     Result, Unknown, Verdict)
@@ -197,8 +198,8 @@ def how_found(contact: Contact, result: Result) -> str:
 
 
 def name_of(result: Result) -> str:
-    """Return the name of a recording."""
-    return Path(result.bag).name or result.bag
+    """Return the name of a recording, as text that can be drawn."""
+    return printable(Path(result.bag).name or result.bag)
 
 
 def distance(separation: float) -> str:

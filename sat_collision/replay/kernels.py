@@ -35,15 +35,17 @@ from sat_collision.replay.bag.storage import Limits, Row
 if TYPE_CHECKING:
     from sat_collision.replay.bag.recording import Recording
 
-_TYPES = ('geometry_msgs/msg/PolygonStamped', 'geometry_msgs/msg/PolygonInstanceStamped')
-# Compiling takes about 25 s. Plain Python takes about 5 s for so many messages of boxes, and 40 s
-# for non-convex polygons of 40 vertices.
+_POLYGON = 'geometry_msgs/msg/PolygonStamped'
+# Compiling takes about 25 s. Plain Python takes about 5 s for so many boxes, and 40 s for
+# non-convex polygons of 40 vertices.
 _FEW = 20_000
+# Bytes of a box in a Polygon2DCollection: the number of its corners, and these as float64.
+_BOX = 4 + 4 * 2 * 8
 
 
 def choose(bags: Iterable[str], limits: Limits) -> bool:
     """
-    Return whether to compile; choose plain Python if compiling is slower, for few messages.
+    Return whether to compile; choose plain Python if compiling is slower, for few polygons.
 
     The choice also holds for the processes that this one starts.
     """
@@ -55,12 +57,23 @@ def choose(bags: Iterable[str], limits: Limits) -> bool:
     for bag in bags:
         # Its check says what is wrong with a recording.
         with contextlib.suppress(Exception), Recording(bag, limits) as recording:
-            left -= sum(recording.counts[topic] for topic, kind in recording.topics.items()
-                        if kind in _TYPES)
+            left -= _polygons(recording, left)
         if left <= 0:
             return True
     use_plain_python()
     return False
+
+
+def _polygons(recording: Recording, most: int) -> int:
+    """Return about how many polygons a recording has; they are not counted beyond `most`."""
+    kinds = {topic: kind for topic, kind in recording.topics.items() if '/Polygon' in kind}
+    collections = [topic for topic, kind in kinds.items() if kind.endswith('Collection')]
+    count = sum(recording.counts[topic] for topic in kinds)
+    for _, _, messages in recording.rows(collections) if collections else ():
+        if count >= most:
+            break
+        count += sum(map(len, messages)) // _BOX
+    return count
 
 
 def prepare(say: Callable[[str], object]) -> None:
@@ -142,7 +155,7 @@ class _WarmUp:
     start, end = _SECOND, 6 * _SECOND
     latched: frozenset[str] = frozenset()
     problems: tuple[str, ...] = ()
-    topics = {'/footprint': _TYPES[0], '/obstacles': _TYPES[0]}
+    topics = {'/footprint': _POLYGON, '/obstacles': _POLYGON}
     counts: Counter[str] = Counter()
 
     def rows(self, *_: object) -> Iterator[Row]:

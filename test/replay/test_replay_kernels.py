@@ -14,9 +14,11 @@ import os
 import subprocess
 import sys
 
+from builders import collection, polygon_2d, serialised
 from compiled import COMPILED_FILES, copy_package, MARK
 import pytest
-from recordings import box, DECLARED, drive, main, SOURCE, STAMPS, write
+from recordings import (
+    box, COLLECTION, DECLARED, drive, INSTANCE, main, POLYGON_2D, SOURCE, STAMPS, START, write)
 from sat_collision.geometry.compiled.jit import COMPILED
 from sat_collision.replay import kernels
 from sat_collision.replay.bag.recording import Recording
@@ -136,6 +138,20 @@ def unprepared(tmp_path, monkeypatch):
     monkeypatch.setattr(kernels, '_mark', lambda: tmp_path / 'mark')
     monkeypatch.setenv('NUMBA_DISABLE_JIT', '0')
     return tmp_path
+
+
+@pytest.mark.parametrize('kind, message, count, is_long', [
+    (INSTANCE, lambda stamp: serialised(box(0), stamp, 'map', 7), 1100, True),
+    (POLYGON_2D, lambda stamp: polygon_2d(box(0), stamp), 1100, True),
+    (COLLECTION, lambda stamp: collection(300 * [box(0)], stamp), 4, True),
+    (COLLECTION, lambda stamp: collection(300 * [box(0)], stamp), 2, False)])
+def test_polygons_of_all_types_are_compiled_for(unprepared, monkeypatch, kind, message, count,
+                                                is_long):
+    """Of a collection each polygon counts, as they are what takes time."""
+    monkeypatch.setattr(kernels, '_FEW', 1000)
+    bag = write(unprepared / 'bag', [('/obstacles', k / 1000, message(START + k * 10**6))
+                                     for k in range(count)], types={'/obstacles': kind})
+    assert kernels.choose([str(bag)], Limits()) == is_long
 
 
 @pytest.mark.parametrize('problem', [None, 'no space left on device'])

@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from importlib import import_module
 import os
 import sys
 
@@ -26,7 +27,7 @@ Publishes whether robots' footprints meet obstacles. Parameters come in a file:
 
   ros2 run sat_collision footprint_monitor --ros-args --params-file my.yaml
 
-Without ROS's commands: python3 -m sat_collision.node --ros-args --params-file my.yaml
+Without ROS's commands: .venv/bin/footprint_monitor --ros-args --params-file my.yaml
 config/footprint_monitor.yaml lists all parameters with their defaults.
 """
 
@@ -58,6 +59,9 @@ def main(args: Sequence[str] | None = None) -> int:
     try:
         from sat_collision.geometry import preparation
         preparation.begin()
+        # Classes of rosbags would take the place of those that are missing, see `interfaces`.
+        for kind in ('diagnostic', 'geometry', 'sensor', 'std', 'visualization'):
+            import_module(f'{kind}_msgs.msg')
         from sat_collision.node.footprint_monitor import run
     except ModuleNotFoundError as error:
         print(f'footprint_monitor: cannot start: {missing(error)}', file=sys.stderr)

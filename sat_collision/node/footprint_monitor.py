@@ -24,6 +24,7 @@ from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.event_handler import QoSLivelinessChangedInfo, QoSSubscriptionMatchedInfo
 from rclpy.exceptions import NameValidationException, ParameterException
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.logging import (
     get_logger, get_logger_effective_level, get_logger_level, LoggingSeverity, set_logger_level)
 from rclpy.node import Node
@@ -440,8 +441,9 @@ def run(args: Sequence[str]) -> int:
     """Run the node with ROS arguments until a signal ends it; return the exit status."""
     try:
         context = _begin_ros(args)
-    except RuntimeError as error:  # raised by rcl for an unreadable parameter file
-        print(f'{NAME}: cannot start: {in_one_line(error)}', file=sys.stderr)
+    except RuntimeError as error:  # raised by rcl for an unreadable parameter file, too
+        what = 'unknown arguments ' if isinstance(error, _rclpy.UnknownROSArgsError) else ''
+        print(f'{NAME}: cannot start: {what}{in_one_line(error)}', file=sys.stderr)
         return 1
     # At debug rcl logs each take.
     if get_logger_level('rcl') is LoggingSeverity.UNSET:

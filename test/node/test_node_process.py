@@ -210,6 +210,7 @@ def test_signal_that_the_shell_ignores(launch_ready, peer):
     (['-p', 'obstacle.topic:=/rosout'], 'in no other type'),
     (['-p', 'footprints:=[' + 240 * 'a' + ']'], 'topic length'),
     (['--params-file', 'nowhere.yaml'], 'nowhere.yaml'),
+    (['--bogus', '-x'], "cannot start: unknown arguments ['--bogus', '-x']"),
     # Subscribers that follow README's rule could not use such rare flags.
     (['-p', 'publish_rate:=0.1'], 'publish_rate'),
 ])
@@ -245,13 +246,17 @@ def test_help(capsys, option):
     assert 'footprint_monitor --ros-args --params-file my.yaml\n' in out
 
 
-def test_missing_rclpy_is_reported():
-    program = ('import sys; sys.modules["rclpy"] = None\n'
+@pytest.mark.parametrize('library', ['rclpy', 'diagnostic_msgs', 'geometry_msgs', 'sensor_msgs',
+                                     'std_msgs', 'visualization_msgs'])
+def test_missing_part_of_ros_is_reported(library):
+    """With what to install, whether or not rosbags has the classes of its messages."""
+    program = (f'import sys; sys.modules["{library}"] = None\n'
                'from sat_collision.node.__main__ import main; sys.exit(main([]))')
     result = subprocess.run([sys.executable, '-c', program], cwd=ROOT, capture_output=True,
                             text=True)
     line, = result.stderr.splitlines()
-    assert result.returncode == 1 and 'rclpy is not installed: source /opt/ros' in line
+    assert result.returncode == 1
+    assert f'{library} is not installed: source /opt/ros' in line
 
 
 @pytest.mark.parametrize('names, is_used', [

@@ -212,7 +212,7 @@ def test_tick_is_due_at_the_next_deadline(domain):
     # However long it took here.
     ticked = node._tick_ended = node._ticked
     assert node.due(now, steady) == ticked + 0.1, 'nothing changes by itself'
-    node.receive('obstacle', [serialised(APART, now)], now, 1)
+    node.receive('obstacle', [serialised(APART, now)], now, 1, now)
     about = partial(pytest.approx, rel=0.0, abs=1e-6)
     # As if some time had passed by both clocks.
     late = ticked + 0.03

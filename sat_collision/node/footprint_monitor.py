@@ -253,6 +253,9 @@ class FootprintMonitor(Node):
                       arrived: int) -> None:
         self._log(self._monitor.receive_mixed(name, messages, now, arrived))
 
+    def advance(self, now: int) -> None:
+        self._log(self._monitor.advance(now))
+
     def end_batch(self, messages: int, seconds: float) -> None:
         self._publish_changes()
         self._looks_ahead = True

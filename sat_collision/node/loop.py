@@ -37,6 +37,8 @@ from sat_collision.node.wait_set import WaitSet
 # last footprint and half for the others, shared evenly among those that may have some. Processing
 # of a message is never interrupted.
 _LONGEST_TURN = 0.01
+# After a longer time, in s, the clock is read again before anything is published.
+_LONG_TURN = 0.02
 # With at least this many messages per rest, a rest costs less than the wake-ups it saves.
 _WORTH_A_REST = 2.0
 # If this many messages per rest could end it, none does: no rest would be left.
@@ -97,6 +99,9 @@ class Receiver(Protocol):
                       arrived: int) -> None:
         """Receive messages of any publisher: one was matched while they were taken."""
 
+    def advance(self, now: int) -> None:
+        """Let time pass to the present: the messages of this turn have taken long."""
+
     def end_batch(self, messages: int, seconds: float) -> None:
         """Publish what a batch of messages changed, which took `seconds` to process."""
 
@@ -111,7 +116,7 @@ class Receiver(Protocol):
         """
 
     def tick(self, now: int) -> None:
-        """Do what is due by time alone; `now` was read before the messages of this turn."""
+        """Do what is due by time alone; `now` was read in this turn."""
 
     def go_on(self, now: int) -> bool:
         """Do a part of what messages come before; return whether there is more of that."""
@@ -120,7 +125,8 @@ class Receiver(Protocol):
         """
         Return the present time in ns by the clock of the header stamps.
 
-        `steady` is what the steady clock reads, in s. Called before the messages of each turn.
+        `steady` is what the steady clock reads, in s. Called before the messages of each turn,
+        and after those that took long.
         """
 
 
@@ -212,6 +218,9 @@ class Loop:
         self._is_behind = False
         self._has_more = False
         self._looks_at_others = True
+        # The present time in ns and by the steady clock, as last read.
+        self._present = 0
+        self._read_at = 0.0
         self._next_tick = 0.0
         self._next_first = 0.0
         self._taken = 0
@@ -252,7 +261,7 @@ class Loop:
         ready, was_long = self._wait(wait_set)
         begun = time.monotonic()
         late = begun - self._next_tick
-        present = self._receiver.present(begun)
+        self._read_clock(begun)
         are_alone = was_long and late < 0.0
         taken = 0
         now = begun
@@ -262,13 +271,12 @@ class Loop:
             waiting = [topic for topic in topics
                        if late >= 0.0 or ready is None or topic.pointer in ready]
             for topic in waiting:
-                count = (topic.take_batch(1, present) if are_alone
-                         else topic.take(_LONGEST_TURN / 2 / len(waiting), present, between))
+                count = (topic.take_batch(1, self._present) if are_alone else topic.take(
+                    _LONGEST_TURN / 2 / len(waiting), self._present, between))
                 taken += count
                 self._taken_at_once += count if topic.ends_rest else 0
             if taken > before:
-                now = time.monotonic()
-                self._receiver.end_batch(taken - before, now - since)
+                now = self._end_batch(taken - before, since)
             between = self._take_first
         self._taken += taken
         if not are_alone:
@@ -278,35 +286,55 @@ class Loop:
             wait_set.is_service_called = False
             self._executor.spin_once(0.0)
         if late >= 0.0:
-            self._receiver.tick(present)
+            self._read_clock_again(time.monotonic())
+            self._receiver.tick(self._present)
             self._choose_rest(time.monotonic())
             self._looks_at_others = True
-        had_more, self._has_more = self._has_more, self._receiver.go_on(present)
+        had_more, self._has_more = self._has_more, self._receiver.go_on(self._present)
         if taken or late >= 0.0 or had_more:
-            self._next_tick = self._receiver.due(present, begun)
+            self._next_tick = self._receiver.due(self._present, self._read_at)
         if (self._rest and taken and not self._is_behind and not self._has_more
                 and (late >= 0.0 or ready is not self._at_once)):
             self._rests_until = time.monotonic() + self._rest
 
-    def _take_first(self, present: int) -> None:
+    def _read_clock(self, steady: float) -> None:
+        self._read_at = steady
+        self._present = self._receiver.present(steady)
+
+    def _read_clock_again(self, steady: float) -> None:
+        """Let time pass if much has passed: what was true then must not be published now."""
+        if steady - self._read_at > _LONG_TURN:
+            self._read_clock(steady)
+            self._receiver.advance(self._present)
+
+    def _end_batch(self, messages: int, since: float) -> float:
+        """Have published what messages changed, taken since then; return when they were taken."""
+        taken_at = time.monotonic()
+        self._read_clock_again(taken_at)
+        self._receiver.end_batch(messages, taken_at - since)
+        return taken_at
+
+    def _take_first(self) -> int:
         """
         Take one message per footprint, and publish, between batches of other topics.
 
-        It takes no more than half of their time: there may be many footprints.
+        It takes no more than half of their time: there may be many footprints. Return the present
+        time, as last read.
         """
         begun = time.monotonic()
         if begun < self._next_first:
-            return
+            return self._present
         taken = 0
         for topic in self._topics[0]:
-            count = topic.take_batch(1, present)
+            count = topic.take_batch(1, self._present)
             taken += count
             self._taken_at_once += count if topic.ends_rest else 0
         if taken:
             self._taken += taken
-            self._receiver.end_batch(taken, time.monotonic() - begun)
+            self._end_batch(taken, begun)
         ended = time.monotonic()
         self._next_first = ended + (ended - begun)
+        return self._present
 
     def _wait(self, wait_set: WaitSet) -> tuple[set[int] | None, bool]:
         """Return pointers of subscriptions to check, None for all, and if the wait was long."""
@@ -368,11 +396,11 @@ class _Topic:
         self._is_empty = True
         self._limit = _FEWEST_TOGETHER
 
-    def take(self, budget: float, now: int, between: Callable[[int], None] | None = None) -> int:
+    def take(self, budget: float, now: int, between: Callable[[], int] | None = None) -> int:
         """
         Pass queued messages to the receiver, for `budget` s at most; return how many.
 
-        `between` is called between two batches, with `now`.
+        `between` is called between two batches, and returns the present time.
         """
         was_behind, self.is_behind = self.is_behind, False
         end = time.monotonic() + budget
@@ -392,7 +420,7 @@ class _Topic:
                 break
             self._limit = min(4 * self._limit, _MAX_TOGETHER)
             if between:
-                between(now)
+                now = between()
         if self.is_behind:
             self._receiver.note_backlog(self.name, self._backlog(total))
         elif was_behind:

@@ -52,6 +52,9 @@ class Recorder:
     def begin_stream(self, name):
         self.begun.append(name)
 
+    def advance(self, now):
+        self.names.append('advance')
+
     def end_batch(self, messages, seconds):
         self.batches.append(messages)
 
@@ -478,10 +481,17 @@ class Prompter(Recorder):
         super().__init__()
         self.peer = peer
         self.sent = 0
+        self.is_new_turn = True
+
+    def due(self, now, steady):
+        self.is_new_turn = True
+        return super().due(now, steady)
 
     def present(self, steady):
-        arrive(self.peer, other=2)
-        self.sent += 2
+        if self.is_new_turn:
+            self.is_new_turn = False
+            arrive(self.peer, other=2)
+            self.sent += 2
         return super().present(steady)
 
     def tick(self, now):

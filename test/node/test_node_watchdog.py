@@ -164,6 +164,28 @@ def test_message_of_stamp_0_that_waited_through_a_stall_is_old(
         assert all(one['state'] == 'unknown' for one in later), later
 
 
+def test_nothing_old_is_published_after_a_message_that_took_long(start, monkeypatch):
+    """The loop stands still between reading the clock and publishing what a message changed."""
+    running = start(watchdog=0.3, footprint__timeout=0.5, obstacle__timeout=60.0,
+                    obstacle__set_end='each_message')
+    running.send('obstacles', box(0.5, 0))
+    running.send_until('collision', 'footprint', ROBOT)
+    receive = running.monitor.receive
+
+    def receive_late(name, *message):
+        receive(name, *message)
+        if name == 'obstacle':
+            monkeypatch.undo()
+            time.sleep(1.0)
+    monkeypatch.setattr(running.monitor, 'receive', receive_late)
+    received = len(running.listen('~/collision'))
+    running.send('footprint', ROBOT)
+    running.send('obstacles', APART)
+    running.until(lambda: running.received['obstacle'] == 2)
+    running.spin(1.5)
+    assert all(flag.data for flag in running.listen('~/collision')[received:])
+
+
 def test_watchdog_goes_on_after_an_error(start, stall, monkeypatch, capfd):
     """What fails once is logged once, and the stall is reported all the same."""
     monitor = start(**PARAMETERS)

@@ -131,33 +131,33 @@ fuzz: $(VENV)/test.stamp
 	PYTHONPATH=.:test/support $(BIN)/python test/fuzz/fuzz_files.py --count $(FILES)
 	if $(BIN)/pip install --quiet atheris; then $(BIN)/python test/fuzz/guided.py -runs=$(FILES); fi
 
-$(BIN)/python:
+$(BIN)/pip:
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --upgrade pip 'setuptools<80' wheel
 
-$(VENV)/demo.stamp: setup.py | $(BIN)/python
+$(VENV)/demo.stamp: setup.py | $(BIN)/pip
 	$(BIN)/pip install --quiet --editable '.[ros,fast,plot]'
 	touch $@
 
-$(VENV)/test.stamp: setup.py | $(BIN)/python
+$(VENV)/test.stamp: setup.py | $(BIN)/pip
 	$(BIN)/pip install --quiet --editable '.[ros,fast,plot,replay,test]'
 	touch $@
 
 # The messages of polygon_msgs, which PyPI does not have; this needs g++ and Python's headers.
-$(VENV)/messages.stamp: $(wildcard test/polygon_msgs_source/* test/polygon_msgs_source/msg/*) | $(BIN)/python
+$(VENV)/messages.stamp: $(wildcard test/polygon_msgs_source/* test/polygon_msgs_source/msg/*) | $(BIN)/pip
 	bash test/polygon_msgs_source/build.sh $(BIN)/python
 	touch $@
 
-$(VENV)/bench.stamp: setup.py | $(BIN)/python
+$(VENV)/bench.stamp: setup.py | $(BIN)/pip
 	$(BIN)/pip install --quiet --editable '.[ros,fast,bench]'
 	touch $@
 
-$(RUNTIME)/stamp: setup.py | $(BIN)/python
+$(RUNTIME)/stamp: setup.py | $(BIN)/pip
 	$(BIN)/python -m venv $(RUNTIME)
 	$(RUNTIME)/bin/pip install --quiet --upgrade pip setuptools '.[ros,fast,plot,replay]'
 	touch $@
 
-$(VENV)/audit.stamp: setup.py | $(BIN)/python
+$(VENV)/audit.stamp: setup.py | $(BIN)/pip
 	$(BIN)/pip install --quiet --editable '.[audit]'
 	touch $@
 

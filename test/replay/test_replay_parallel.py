@@ -162,6 +162,15 @@ def test_bag_that_cannot_be_written_does_not_take_contacts_with_it(bags, tmp_pat
     assert [*tmp_path.glob('.unfinished*')] == []
 
 
+def test_bag_of_a_check_that_stops_early_is_not_kept(bags, tmp_path, monkeypatch):
+    """It has no end, though nothing was wrong with writing it."""
+    monkeypatch.setattr('sat_collision.replay.check.Timeline.finish', lambda *_: fails())
+    out = tmp_path / 'out' / 'bag'
+    result = parallel.check_alone(bags[0], replace(OPTIONS, as_live=True, write_bag=str(out)))
+    assert result.problems == [f'{bags[0]}: the disk is away']
+    assert [*out.parent.iterdir()] == []
+
+
 def test_bag_of_one_recording_is_where_it_is_asked_for_on_a_cluster_too(bags, tmp_path, cluster):
     """Several have a folder in which each has its own."""
     out = tmp_path / 'out'

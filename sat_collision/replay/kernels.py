@@ -22,6 +22,7 @@ import contextlib
 from functools import partial
 from itertools import product
 from pathlib import Path
+import signal
 import struct
 import sys
 import time
@@ -98,6 +99,8 @@ def main() -> int:
     This is the command prepare_kernels. Where libraries that replay_check needs are missing, the
     kernels of the node and the library are compiled.
     """
+    # An exception would end in callbacks of compilers, and there is nothing to put away.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
     say = partial(print, flush=True)
     try:
         import sat_collision.replay.check  # noqa: F401

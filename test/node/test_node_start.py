@@ -221,6 +221,21 @@ def test_interrupt_during_the_first_replay(start, place, seed):
     assert 'Traceback' not in output, output
 
 
+@pytest.mark.skipif(not COMPILED, reason='nothing is compiled')
+def test_interrupt_while_kernels_are_prepared(start):
+    """Nothing more is printed, and no process is left."""
+    process = start('-m', 'sat_collision.replay.kernels')
+    lines_until(process, 'preparing kernels')
+    helpers = children(process.pid)
+    process.send_signal(signal.SIGINT)
+    output, _ = process.communicate(timeout=TO_END)
+    assert (process.returncode, output) == (-signal.SIGINT, '')
+    sent = time.monotonic()
+    while any(is_running(helper) for helper in helpers):
+        assert time.monotonic() - sent < TO_END, 'the helper goes on'
+        time.sleep(0.01)
+
+
 def test_interrupt_within_generated_code(start, place):
     """With a half-made object whose destructor fails; only the interrupt is reported."""
     (place / 'home' / 'interrupted.py').write_text("""

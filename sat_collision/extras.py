@@ -11,11 +11,11 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
+
 _OF_PIP = {'argcomplete': 'argcomplete', 'backports': 'backports.zstd',
            'dask': "'dask[distributed]'", 'distributed': "'dask[distributed]'", 'lz4': 'lz4',
-           'matplotlib': 'matplotlib', 'numpy': 'numpy', 'rosbags': 'rosbags',
-           # Where ROS has not brought it, replay lacks this too.
-           'yaml': 'pyyaml rosbags'}
+           'matplotlib': 'matplotlib', 'numpy': 'numpy', 'rosbags': 'rosbags', 'yaml': 'pyyaml'}
 _OF_ROS = ('builtin_interfaces', 'rcl_interfaces', 'rclpy', '_msgs')
 
 
@@ -23,7 +23,9 @@ def missing(error: ModuleNotFoundError) -> str:
     """Say in one line which library is missing, and what to install."""
     library = str(error.name).partition('.')[0]
     if library in _OF_PIP:
-        return f'{library} is not installed: pip install {_OF_PIP[library]}'
+        # Without ROS, which brings yaml, replay lacks this too.
+        more = ' rosbags' if library == 'yaml' and not find_spec('rclpy') else ''
+        return f'{library} is not installed: pip install {_OF_PIP[library]}{more}'
     if library.endswith(_OF_ROS):
         return (f'{library} is not installed: source /opt/ros/jazzy/setup.bash, or in a clone '
                 "pip install '.[ros]'")

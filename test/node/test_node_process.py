@@ -259,6 +259,16 @@ def test_missing_part_of_ros_is_reported(library):
     assert f'{library} is not installed: source /opt/ros' in line
 
 
+def test_missing_yaml_is_reported():
+    """Without rosbags, which only replay needs."""
+    program = ('import sys; sys.modules["yaml"] = None\n'
+               'from sat_collision.node.__main__ import main; sys.exit(main([]))')
+    result = subprocess.run([sys.executable, '-c', program], cwd=ROOT, capture_output=True,
+                            text=True)
+    assert result.stderr == (
+        'footprint_monitor: cannot start: yaml is not installed: pip install pyyaml\n')
+
+
 @pytest.mark.parametrize('names, is_used', [
     ({'/**': {}}, True), ({'footprint_monitor': {}}, True), ({'/ns/*': {}}, False),
     ({'/*': {}}, True), ({'ns': {'footprint_monitor': {}}}, False),

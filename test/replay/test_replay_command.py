@@ -362,7 +362,7 @@ def run(*arguments, **environment):
 @pytest.mark.parametrize('missing', ('yaml', 'numpy', 'sat_collision.replay.check'))
 def test_failed_import_is_bad_input(bags, missing):
     """Status 3 and one line; 1 would mean a collision."""
-    result = run_without([missing], bags['clear'])
+    result = run_without([missing, 'rclpy'], bags['clear'])
     assert (result.returncode, result.stdout) == (3, '')
     line, = result.stderr.splitlines()
     assert line.startswith(f'replay_check: cannot start: {missing} is not installed')

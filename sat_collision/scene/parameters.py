@@ -41,6 +41,8 @@ _REMOVED = {
     'accumulate': 'remove it: each polygon counts until its timeout, unless set_end is given'}
 _TYPES = {bool: 'true or false', int: 'a whole number', float: 'a double', str: 'a text',
           list: 'a list of texts'}
+# In s; turns of a loop that is well take less.
+_LEAST_WATCHDOG = 0.05
 _RESERVED = frozenset((*specs(Settings), *_OF_EVERY_NODE))
 
 # The vertices of a footprint, rounded to float32 as a message would carry them.
@@ -173,6 +175,10 @@ def read_settings(footprints: Iterable[str], obstacles: Iterable[str],
         obstacles=tuple(ObstacleSettings(name=name, **values(ObstacleSettings, name))
                         for name in sources),
         **{name: value(name) for name in specs(Settings) if name not in DEFAULT_NAMES})
+    if 0.0 < settings.watchdog < _LEAST_WATCHDOG:
+        raise ParameterError(f'watchdog is {settings.watchdog:g} s, within which a turn of the '
+                             f'node may end late: set {_LEAST_WATCHDOG:g} or more, or 0.0 for '
+                             'never')
     for source in settings.obstacles:
         if source.moving and source.type != POLYGON_INSTANCE:
             raise ParameterError(f'{source.name}.moving: only ids tell which obstacle has moved: '

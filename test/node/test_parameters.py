@@ -207,6 +207,7 @@ def test_every_parameter_is_described(declare):
     ({'obstacle.max_count': 0}, 'obstacle.max_count'),
     ({'publish_rate': 1000.0}, 'publish_rate'),
     ({'publish_rate': 0.1}, 'publish_rate.*range'),
+    ({'watchdog': 0.049}, 'watchdog is 0.049 s.*set 0.05 or more, or 0.0 for never'),
     ({'publish_rate': None}, 'publish_rate.*has no value'),
     ({'footprints': None}, 'footprints.*has no value'),
     ({'footprints': 'robot'}, r'footprints.*write \[robot\]'),
@@ -280,6 +281,7 @@ def test_structural_parameters_are_read_only(declare, name, value):
     ('obstacle.max_count', 0, 'range'),
     ('publish_rate', 0.0, 'range'),
     ('enabled', 1, 'type'),
+    ('watchdog', 0.01, 'set 0.05 or more'),
 ])
 def test_invalid_value_is_refused_and_changes_nothing(declare, name, value, words):
     node, parameters = declare()

@@ -162,6 +162,7 @@ class FootprintMonitor(Node):
         self._jumps.unregister()
         self._watch_jumps(settings.future_tolerance)
         self._log(self._monitor.update(settings))
+        self._inputs.configure(settings)
         self._outputs.configure(settings)
         self._looks_ahead = True
         self._publish_all()
@@ -322,7 +323,7 @@ class FootprintMonitor(Node):
         for name, fault in self._paths.follow():
             self._monitor.paths.note_fault(name, fault)
         for one in self._inputs.inputs:
-            if self._scene.wants_history(one.name) and self._inputs.renew(one.name):
+            if self._inputs.renew(one, self._scene.wants_history(one.name)):
                 self._monitor.renew(one.name)
         if steady >= self._reports_unknown_at:
             self._report_unknown()

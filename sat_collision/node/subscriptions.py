@@ -106,22 +106,18 @@ class Subscriptions:
         self._note_liveliness = note_liveliness
         self._unsupported: set[str] = set()
         self.inputs: list[Input] = []
-        self._create: dict[str, Callable[[], Subscription]] = {}
-        # An override by parameters, and its default, are those of all subscriptions to a topic.
-        deepest: dict[str, int] = {}
-        for source in settings.obstacles:
-            depth = (_COLLECTION_DEPTH if source.type == POLYGON_COLLECTION
-                     else _SETS_IN_QUEUE * source.max_count)
-            deepest[source.topic] = max(depth, deepest.get(source.topic, 0))
+        # These take the QoS.
+        self._create: dict[str, Callable[..., Subscription]] = {}
+        self.configure(settings)
         for footprint in settings.footprints:
             if footprint.odometry:
                 from nav_msgs.msg import Odometry
                 self._subscribe(footprint, Odometry, _ODOMETRY_DEPTH, 'odometry')
             elif not footprint.has_outline:
                 self._subscribe(footprint, _kind(footprint),
-                                deepest.get(footprint.topic, _FOOTPRINT_DEPTH))
+                                self._depths.get(footprint.topic, _FOOTPRINT_DEPTH))
         for source in settings.obstacles:
-            self._subscribe(source, _kind(source), deepest[source.topic])
+            self._subscribe(source, _kind(source), self._depths[source.topic])
         self.publishers = Publishers(node, self.inputs)
         if self._unsupported:
             events = ', '.join(sorted(self._unsupported))
@@ -130,20 +126,37 @@ class Subscriptions:
                 f'{get_rmw_implementation_identifier()} has no events of these kinds: {events}; '
                 'what they would tell of publishers is noticed later, or not at all')
 
-    def renew(self, name: str) -> bool:
+    def configure(self, settings: Settings) -> None:
+        """Find how deep the queues must be."""
+        # By topic: an override by parameters, and its default, are those of all its subscriptions.
+        self._depths: dict[str, int] = {}
+        for source in settings.obstacles:
+            depth = (_COLLECTION_DEPTH if source.type == POLYGON_COLLECTION
+                     else _SETS_IN_QUEUE * source.max_count)
+            self._depths[source.topic] = max(depth, self._depths.get(source.topic, 0))
+
+    def renew(self, one: Input, wants_history: bool) -> bool:
         """
         Subscribe again, to receive all that the publisher keeps for late subscribers.
 
-        Returns False, without doing so, if the subscription is not transient local, or while a
-        publisher that has lost its liveliness is listed: what it keeps would come, too.
+        That is done if the history is wanted and the subscription is transient local, or if its
+        queue must be deeper by now and no parameter overrides that; but not while a publisher that
+        has lost its liveliness is listed: what it keeps would come, too. Return whether it was.
         """
-        one, = (one for one in self.inputs if one.name == name)
-        if (one.subscription.qos_profile.durability is not QoSDurabilityPolicy.TRANSIENT_LOCAL
-                or self.publishers.lists_dead(name)):
+        qos = one.subscription.qos_profile
+        is_latched = qos.durability is QoSDurabilityPolicy.TRANSIENT_LOCAL
+        if is_latched and self.publishers.lists_dead(one.name):
             return False
+        depth = max(one.depth, self._depths.get(one.subscription.topic_name, 0))
+        is_deeper = depth > one.depth == qos.depth
+        one.depth = depth
+        if not (is_deeper or is_latched and wants_history):
+            return False
+        if is_deeper:
+            qos.depth = depth
         self._node.destroy_subscription(one.subscription)
-        one.subscription = self._create[name]()
-        self.publishers.forget_matched(name)
+        one.subscription = self._create[one.name](qos)
+        self.publishers.forget_matched(one.name)
         return True
 
     def _subscribe(self, source: FootprintSettings | ObstacleSettings, kind: type, depth: int,
@@ -157,11 +170,12 @@ class Subscriptions:
         # The settings have the remapped name, which must not be remapped again.
         topic = self._node.get_parameter(f'{source.name}.{parameter}').value
         self._create[source.name] = create = partial(
-            self._node.create_subscription, kind, topic, unused, QoSProfile(depth=depth), raw=True,
-            callback_group=self._group, event_callbacks=events,
-            qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE))
+            self._node.create_subscription, kind, topic, unused, raw=True,
+            callback_group=self._group, event_callbacks=events)
         try:
-            self.inputs.append(Input(source.name, create(),
+            subscription = create(QoSProfile(depth=depth),
+                                  qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE))
+            self.inputs.append(Input(source.name, subscription,
                                      isinstance(source, FootprintSettings), topic, depth))
         except RuntimeError as error:
             raise ParameterError(

@@ -61,6 +61,25 @@ def test_queues_of_one_topic_have_room_for_the_longest_sets(start, names):
     assert depths == [2000] * 3
 
 
+@pytest.mark.parametrize('override, depth', [(None, 800), (200, 200)])
+def test_queue_has_room_for_longer_sets_once_max_count_is_raised(start, override, depth):
+    """It was too short for sets sent at once; a depth that is overridden stays."""
+    parameters = {} if override is None else {
+        'qos_overrides./obstacles.subscription.depth': override}
+    monitor = start(obstacle__max_count=50, **LASTING, **parameters)
+    monitor.publisher('obstacles', qos=1000)
+    assert monitor.set_parameters(obstacle__max_count=400) == [None]
+
+    def queue():
+        return next(one.qos_profile.depth for one in monitor.monitor.subscriptions
+                    if one.topic_name == '/obstacles')
+    monitor.send('footprint', ROBOT)
+    if override is None:
+        monitor.until(lambda: queue() == depth, 'a deeper queue')
+    monitor.send_set_until('clear', 'obstacles', *[APART] * (depth // 2 - 1))
+    assert queue() == depth
+
+
 def test_burst_of_thousands_of_obstacles_is_received(start):
     monitor = start(**LASTING)
     monitor.publisher('obstacles', qos=10_000)

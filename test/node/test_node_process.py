@@ -41,7 +41,8 @@ from sat_collision.node.footprint_monitor import FootprintMonitor
 
 def receive(name, data):
     before = node._monitor.received[name]
-    node.receive(name, [data], time.time_ns(), None)
+    now = time.time_ns()
+    node.receive(name, [data], now, None, now)
     assert node._monitor.received[name] == before + 1
 
 def compiled():

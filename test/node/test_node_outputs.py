@@ -90,7 +90,7 @@ def test_obstacles_that_are_too_old_leave_the_markers(start):
     received = monitor.markers()
     monitor.become('clear', APART)
     stamp = monitor.now()
-    for points, age in ((APART, 0.0), (box(7, 7), 1.0), (box(9, 9), 1.9), ([], 0.0)):
+    for points, age in ((APART, 0.0), (box(7, 7), 1.7), (box(9, 9), 1.9), ([], 0.0)):
         monitor.send('obstacles', points, stamp - round(age * SECOND))
     for left in (3, 1):
         monitor.until(lambda: 8 * left == sum(

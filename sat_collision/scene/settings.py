@@ -276,8 +276,8 @@ class Settings:
         'processor time and delays an answer by at most this; 0.0 for never',
         live=True, limits=(0.0, 0.1)))
     watchdog: float = field(default=0.3, metadata=_setting(
-        's; when the node has not processed messages for this long, at least 0.05, a separate '
-        'thread raises all flags; 0.0 for never', live=True, safety=True, limits=(0.0, 60.0)))
+        's; when the node has not processed messages for this long, a separate thread raises all '
+        'flags; 0.05 or more, or 0.0 for never', live=True, safety=True, limits=(0.0, 60.0)))
     lock_parameters: bool = field(default=False, metadata=_setting(
         'true refuses to change, once the node runs, what a clear state depends on: the '
         'parameters marked with a +, and use_sim_time'))

@@ -15,7 +15,7 @@ from bisect import bisect_left
 from collections.abc import Iterable, Iterator
 from math import inf, isnan
 from operator import itemgetter
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from sat_collision.geometry.body.polygon import Polygon, PolygonError
@@ -30,6 +30,9 @@ from sat_collision.replay.motion.nearness import measure_near, nearest_in_steps,
 from sat_collision.replay.motion.tracker import Step
 from sat_collision.replay.motion.trajectories import Box, Link, Trajectory
 from sat_collision.scene.obstacles import ObstacleId
+
+# A depth in m, when it is so, and the two bodies then.
+_Depth: TypeAlias = tuple[float, int, tuple[Polygon, Polygon]]
 
 _NOTHING = indexable(np.zeros(1)), 0
 # Up to how far apart the sweep takes bodies to touch, in m, with what rounded times take.
@@ -260,15 +263,9 @@ class ContactTracker:
             except PolygonError as error:
                 fault, last = error, None
         contact.last = begun if last is None else max(begun, last)
-        measured = []
         if not touches or not pair.stays(own, other):
-            for part in (4, 2, 6, 1, 3, 5, 7, 0):
-                time = begun + (contact.last - begun) * part // 8
-                try:
-                    bodies = pair.at(time)
-                    measured.append((0.0 - separation(*bodies), time, bodies))
-                except PolygonError as error:
-                    fault = error
+            measured, invalid = pair.depths(begun, contact.last)
+            fault = fault or invalid
             depth, time, bodies = min(measured, key=itemgetter(0))
             if depth < -self._margin - _TOLERANCE and time > begun and (touches or not fault):
                 self._cross(pair._replace(end=time), contact)
@@ -361,6 +358,19 @@ class _Pair(NamedTuple):
         """Return whether bodies that touch at both ends do so in between, or turn very far."""
         return own.is_convex and other.is_convex or not (
             self.link.motion.moved[0] or self.motion.moved[self.i])
+
+    def depths(self, first: int, last: int) -> tuple[list[_Depth], PolygonError | None]:
+        """Return the depths at the eighths of a contact; and why some, if any, are not known."""
+        found, fault = [], None
+        # The middle first: it counts as the deepest where several are.
+        for part in (4, 2, 6, 1, 3, 5, 7, 0):
+            time = first + (last - first) * part // 8
+            try:
+                bodies = self.at(time)
+                found.append((0.0 - separation(*bodies), time, bodies))
+            except PolygonError as error:
+                fault = error
+        return found, fault
 
     def at(self, time: int) -> tuple[Polygon, Polygon]:
         return self.link.motion.polygon(0, time), self.motion.polygon(self.i, time)

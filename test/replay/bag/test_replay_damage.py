@@ -334,8 +334,8 @@ def zstd_compressor():
     return import_module(module).ZstdCompressor()
 
 
-def bomb(path, compression, size, claim=None):
-    """Write a recording with a chunk of a few kB that unpacks to very many zeros."""
+def bomb(path, compression, size, claim=None, chunks=1, checksum=0):
+    """Write a recording with chunks of a few kB that unpack to very many zeros."""
     import lz4.frame
     if compression == 'zstd':
         compressor = zstd_compressor()
@@ -346,10 +346,17 @@ def bomb(path, compression, size, claim=None):
         compressor = lz4.frame.LZ4FrameCompressor()
         packed = b''.join([compressor.begin(), *(compressor.compress(bytes(MB)) for _ in range(
             size // MB)), compressor.flush()])
-    chunk = record(CHUNK, struct.pack('<QQQI', START, START, claim or size, 0)
+    chunk = record(CHUNK, struct.pack('<QQQI', START, START, claim or size, checksum)
                    + text(compression.encode()) + struct.pack('<Q', len(packed)) + packed)
-    path.write_bytes(mcap_of(chunk))
+    path.write_bytes(mcap_of(*[chunk] * chunks))
     return path
+
+
+def test_contents_of_damaged_chunks_are_not_kept(tmp_path):
+    """One is held at a time, of 20 of 50 MB whose checksums are wrong."""
+    done = run_command(bomb(tmp_path / 'a.mcap', 'zstd', 50 * MB, chunks=20, checksum=1))
+    assert done.returncode == 3 and 'its checksum is wrong' in done.stdout, done.stderr
+    assert int(done.stdout.split()[-1]) < 400
 
 
 @pytest.mark.parametrize('compression, claim', [

@@ -184,6 +184,15 @@ def test_later_set_needs_only_its_own_transform():
     assert world.status == 'clear'
 
 
+def test_polygons_far_from_the_footprint_as_received_meet_it_where_their_frame_is():
+    """Those that are far are written together; here they are near once moved."""
+    world = Collections(frame_id='map')
+    world.monitor.receive_transforms(TF_STATIC, transforms(('map', 'odom', 0, -49.5, 0.0)), NOW)
+    for at, status in ((50, 'collision'), (60, 'clear'), (50, 'collision')):
+        world.send(box(90), box(at), box(70), frame_id='odom')
+        assert world.status == status
+
+
 def test_map_follows_its_frame():
     """A static transform that is corrected moves a map that was sent once."""
     world = Collections(frame_id='map', timeout=0.0)

@@ -37,6 +37,10 @@ _Depth: TypeAlias = tuple[float, int, tuple[Polygon, Polygon]]
 _NOTHING = indexable(np.zeros(1)), 0
 # Up to how far apart the sweep takes bodies to touch, in m, with what rounded times take.
 _TOLERANCE = 2e-6
+# Where bodies part in a contact by less, in m, or by less than this part of how they move there,
+# this may go unnoticed.
+_GAP = 1e-3
+_PARTS = 128
 
 
 class ContactTracker:
@@ -263,16 +267,15 @@ class ContactTracker:
             except PolygonError as error:
                 fault, last = error, None
         contact.last = begun if last is None else max(begun, last)
-        if not touches or not pair.stays(own, other):
-            measured, invalid = pair.depths(begun, contact.last)
+        if not touches or begun < pair.end and pair.most_motion() > self._margin - value + _GAP:
+            measured, invalid = pair.depths(begun, contact.last, self._margin, touches)
             fault = fault or invalid
             depth, time, bodies = min(measured, key=itemgetter(0))
-            if depth < -self._margin - _TOLERANCE and time > begun and (touches or not fault):
+            if depth < -self._margin - _TOLERANCE:
                 self._cross(pair._replace(end=time), contact)
                 return self._cross(pair._replace(begin=time), None)
             depth, time, bodies = max(measured, key=itemgetter(0))
-            # Not less than for touching: the sweep reports contact within its tolerance.
-            self._contacts.deepen(contact, pair.name, max(depth, 0.0 - self._margin), time, bodies)
+            self._contacts.deepen(contact, pair.name, depth, time, bodies)
         if touches:
             if pair.ends_at_a_sample:
                 contact.found = AT_A_SAMPLE
@@ -354,23 +357,60 @@ class _Pair(NamedTuple):
         return (self.end == self.link.end and not self.link.after.is_between
                 and not self.motion.moved[self.i])
 
-    def stays(self, own: Polygon, other: Polygon) -> bool:
-        """Return whether bodies that touch at both ends do so in between, or turn very far."""
-        return own.is_convex and other.is_convex or not (
-            self.link.motion.moved[0] or self.motion.moved[self.i])
+    def depths(self, first: int, last: int, margin: float,
+               touches: bool) -> tuple[list[_Depth], PolygonError | None]:
+        """
+        Return depths between two times of touching; and why some, if any, are not known.
 
-    def depths(self, first: int, last: int) -> tuple[list[_Depth], PolygonError | None]:
-        """Return the depths at the eighths of a contact; and why some, if any, are not known."""
-        found, fault = [], None
-        # The middle first: it counts as the deepest where several are.
-        for part in (4, 2, 6, 1, 3, 5, 7, 0):
-            time = first + (last - first) * part // 8
-            try:
-                bodies = self.at(time)
-                found.append((0.0 - separation(*bodies), time, bodies))
-            except PolygonError as error:
-                fault = error
-        return found, fault
+        There are so many that the bodies are apart at one of them, or nowhere by much: a motion
+        is halved until its ends are so deep that what changes on it cannot part them.
+        """
+        found: dict[int, float] = {}
+        measured: list[_Depth] = []
+        fault = None
+        touching = 0.0 - margin
+        change = self._most_change() / max(abs(self.end - self.begin), 1)
+        allowed = max(_GAP, change * (last - first) / _PARTS)
+        # At eighths if it does not last to the end: it may be deepest anywhere.
+        times = [first, last] if touches else [
+            first + (last - first) * part // 8 for part in range(9)]
+        spans = [*zip(times, times[1:])]
+        for begin, end in spans:
+            for time in (begin, end):
+                if time not in found:
+                    found[time] = touching
+                    try:
+                        bodies = self.at(time)
+                        depth = 0.0 - separation(*bodies)
+                        # Not less than for touching at the ends, which the sweep found within
+                        # its tolerance, and time within 1 ns.
+                        found[time] = max(depth, touching) if time in (first, last) else depth
+                        measured.append((found[time], time, bodies))
+                    except PolygonError as error:
+                        fault = error
+            least = min(found[begin], found[end]) - touching
+            if least < -_TOLERANCE:
+                break
+            if change * (end - begin) / 2 - least > allowed and end - begin > 1:
+                middle = (begin + end) // 2
+                spans += (begin, middle), (middle, end)
+        return measured, fault
+
+    def _most_change(self) -> float:
+        """
+        Return twice how much less deep the bodies can be within a motion than at its ends, metres.
+
+        Convex bodies that only translate are deepest in between, as their depth is the least of
+        functions that are linear in time, one for each direction. So what counts of each is how
+        its vertices move differently. Of others it is how one moves as the other sees it.
+        """
+        own, own_end, other, other_end = self.rings()
+        own_moved, other_moved = own_end - own, other_end - other
+        translation = own_moved.mean(axis=0)
+        if all(body.is_convex for body in self.at(self.end)):
+            return 2.0 * (_most(own_moved - translation)
+                          + _most(other_moved - other_moved.mean(axis=0)))
+        return _most(own_moved - translation) + _most(other_moved - translation)
 
     def at(self, time: int) -> tuple[Polygon, Polygon]:
         return self.link.motion.polygon(0, time), self.motion.polygon(self.i, time)
@@ -387,6 +427,11 @@ class _Pair(NamedTuple):
                            for motion, i in both)
         largest: float = max(np.abs(motion.boxes[i]).max() for motion, i in both)
         return moved * (1.0 + SLACK) + SLACK * largest
+
+
+def _most(moved: Floats) -> float:
+    """Return the greatest length of vectors, (n, 2)."""
+    return float(np.hypot(moved[:, 0], moved[:, 1]).max())
 
 
 class ContactResults:

@@ -540,6 +540,20 @@ def test_outline_of_many_vertices_passes_between_two_messages(tmp_path):
     assert contact.found == BETWEEN_SAMPLES
 
 
+def test_seesaw_under_the_robot_is_apart_between_two_messages(tmp_path):
+    """Both are convex, and touch at both messages: first at one end of it, then at the other."""
+    messages = [message for k in range(21) for message in (
+        at(k / 10, [(-2, 0.25), (2, 0.25), (2, 1), (-2, 1)], topic='/footprint'),
+        at(k / 10, [(-1, 0.3125), (1, -0.3125)] if k < 10 else [(-1, -0.3125), (1, 0.3125)]),
+        at(k / 10, []))]
+    result = check(write(tmp_path / 'bag', messages))
+    before, after = result.contacts
+    assert (before.first, after.last) == (START, START + 2 * SECOND)
+    assert since(result, before.last) == [pytest.approx(0.91, abs=1e-6)]
+    assert since(result, after.first) == [pytest.approx(0.99, abs=1e-6)]
+    assert result.footprints[0].undetermined == 0
+
+
 def test_first_polygons_of_too_large_a_collection_count(tmp_path):
     """The obstacle touches in the one of three polygons, which is refused for the third."""
     messages = [message for k in range(20) for message in (

@@ -127,6 +127,23 @@ def test_velocity_of_a_published_footprint():
     assert velocity(0.7, square[:3]) == ''
 
 
+def test_velocity_of_what_was_last_seen_long_ago_is_unknown():
+    """However long the footprint itself counts; but not if it rests."""
+    monitor = Monitor(Settings(frame_id='', obstacles=(SOURCE,), footprints=tuple(
+        FootprintSettings(name, f'/{name}', timeout=0.0) for name in ('robot', 'resting'))))
+    monitor.scene.tracks_motion = True
+    for time in (0.0, 0.5):
+        stamp = nanoseconds(time)
+        for name, x in (('robot', time), ('resting', 3.0)):
+            assert monitor.receive(name, serialised([(x, 0), (x + 1, 0), (x, 1)], stamp),
+                                   stamp) is None
+    for age, known in ((2.0, (pytest.approx((1, 0, 0)), (0, 0, 0))), (2.1, (None, (0, 0, 0)))):
+        monitor.advance(nanoseconds(0.5 + age))
+        found = [monitor.scene.velocity(name) for name in ('robot', 'resting')]
+        assert tuple(getattr(one, 'twist', None) for one in found) == known
+    assert found[0] == 'its last place is of 2.1 s ago'
+
+
 def test_footprints_that_share_odometry_have_its_last_velocity():
     """
     Each receives every message; the first to do so moves both.

@@ -99,7 +99,7 @@ class _Shape(NamedTuple):
 
 class Markers:
     """
-    Draws a scene. What is shown depends on the scene alone, so no marker can be stale.
+    Draws a scene. What is shown depends on the scene and its time alone.
 
     Every message deletes all and draws all. Namespaces: `<name>/fill`, `<name>/outline` and
     `<name>/points` for each footprint and source of obstacles, of which id 1 has those in contact
@@ -112,6 +112,7 @@ class Markers:
 
     def __init__(self) -> None:
         self._shapes: dict[int, _Shape] = {}  # by the id of the polygon
+        self.moves = False  # whether time alone changes the last message
 
     def message(self, scene: Scene) -> Any:
         """Return the markers of a scene, made anew only where a polygon is new."""
@@ -133,8 +134,12 @@ class Markers:
         self._draw_obstacles(nearest, {id(polygon) for _, _, polygon in contacts})
         known = [name for name, state in states.items() if state.status is not Status.UNKNOWN]
         self._draw_nearest(scene, known)
-        for name in known:
-            self._draw_ahead(name, scene.prediction(name))
+        predictions = {name: scene.prediction(name) for name in known}
+        for name, prediction in predictions.items():
+            self._draw_ahead(name, prediction)
+        self.moves = any(one and one.velocity and (any(one.velocity.twist)
+                                                   or 0.0 < one.seconds < math.inf)
+                         for one in predictions.values())
         for name in footprints:
             self._draw_path(name, scene.path_checks.get(name))
         for name, state in states.items():

@@ -229,15 +229,15 @@ class Outputs:
         return states.statuses
 
     def publish_path(self, name: str) -> None:
-        """Publish how far along its path a footprint meets an obstacle, if that was checked."""
-        if found := self._scene.path_checks.get(name):
-            self._paths[name].publish(_number(found.metres))
-            self.markers_current = False
+        """Publish how far along its path a footprint meets an obstacle."""
+        found = self._scene.path_checks.get(name)
+        self._paths[name].publish(_number(found.metres) if found else _UNKNOWN)
+        self.markers_current = False
 
     def publish_markers(self, draws: bool = True) -> None:
         """Publish the markers if they have subscribers: those drawn last unless it draws."""
         if self.measures and self._marker_publisher.get_subscription_count():
             if draws and not self.markers_current or not self._marker_message:
                 self._marker_message = serialize(self._markers.message(self._scene))
-                self.markers_current = True
+                self.markers_current = not self._markers.moves
             self._marker_publisher.publish(self._marker_message)

@@ -63,10 +63,14 @@ def velocity_of(footprint: Footprint, now: int) -> Velocity | str:
             return f'the last command on {settings.topic} was refused: {command.refusal}'
         if not command.holds(now, settings.timeout):
             return f'no command on {settings.topic} for {(now - command.time) / 1e9:.1f} s'
-    velocity = footprint.time is not None and footprint.motion.velocity(
+    if footprint.time is None:
+        return ''
+    velocity = footprint.motion.velocity(
         footprint.stamp, TRANSFORMS if footprint.settings.has_outline else FOOTPRINTS)
     if velocity and command:
         velocity = velocity.by(command.twist)
+    if velocity and any(velocity.twist) and now - footprint.time > VELOCITY_LASTS:
+        return f'its last place is of {(now - footprint.time) / 1e9:.1f} s ago'
     return velocity or ''
 
 
@@ -87,7 +91,7 @@ def predict(footprint: Footprint, contacts: Contacts, sources: Iterable[Source],
     # The motion begins where the footprint was at its stamp.
     age = max(now - footprint.time, 0)
     own = footprint.polygon
-    if velocity is None or own is None or age > VELOCITY_LASTS and any(velocity.twist):
+    if velocity is None or own is None:
         return None
     seconds = horizon + age / 1e9
     bounds = own.bounds

@@ -220,6 +220,19 @@ def test_states_and_markers_of_an_imminent_collision(start):
     assert values(monitor.status())['time to collision'] == 'inf'
 
 
+def test_way_ahead_does_not_stay_when_nothing_is_received(start):
+    """After 2 s without a footprint its velocity is unknown: nothing is predicted or drawn."""
+    monitor = start(**LASTING)
+    monitor.listen('~/footprint/time_to_collision')
+    monitor.send('footprint', ROBOT)
+    monitor.send_set_until('clear', 'obstacles', box(3, 0))
+    drive(monitor, lambda: monitor.markers() and 'footprint/ahead' in namespaces(
+        monitor.markers()[-1]), 'a way ahead')
+    monitor.until(lambda: re.fullmatch(r'unknown: its last place is of \d\.\d s ago',
+                                       values(monitor.status())['velocity']), 'silence')
+    monitor.until(lambda: 'footprint/ahead' not in namespaces(monitor.markers()[-1]), 'an end')
+
+
 def test_time_to_collision_with_a_moving_obstacle(start):
     """Known once an id came twice; if its shape changes, its velocity is unknown."""
     monitor = start(obstacle__type='polygon_instance', obstacle__moving=True,

@@ -324,7 +324,7 @@ def test_command_on_jobs_and_cluster(cluster, capsys):
         assert main([*recordings, *arguments], STAMPS) == 1
         outs.append(capsys.readouterr().out)
     assert outs[0] == outs[1] == outs[2]
-    assert '8 contacts' in outs[0]
+    assert '11 contacts' in outs[0]
 
 
 @pytest.mark.long

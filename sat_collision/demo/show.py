@@ -407,10 +407,22 @@ def show(args: Sequence[str] | None = None) -> int:
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     os.environ['ROS_DOMAIN_ID'] = str(DOMAINS[os.getpid() % len(DOMAINS)])
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    ends: list[int] = []
+
+    def end(number: int, frame: object) -> None:
+        ends.append(128 + number)
+        sys.exit(ends[0])
+
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda number, frame: sys.exit(128 + number))
+        signal.signal(number, end)
     viewer = _Viewer()
-    is_right = _watch(viewer) and _is_right(viewer)
+    try:
+        is_right = _watch(viewer) and _is_right(viewer)
+    except RuntimeError:
+        # Where rclpy takes a message it makes another error of the exit.
+        if ends:
+            sys.exit(ends[0])
+        raise
     rclpy.shutdown()
     is_drawn = _draw(viewer.frames, options.picture, options.movie)
     return 0 if is_right and is_drawn else 1

@@ -229,7 +229,7 @@ class Outputs:
         return states.statuses
 
     def publish_path(self, name: str) -> None:
-        """Publish how far along its path a footprint meets an obstacle."""
+        """Publish how far along its path a footprint meets an obstacle, NaN if not checked."""
         found = self._scene.path_checks.get(name)
         self._paths[name].publish(_number(found.metres) if found else _UNKNOWN)
         self.markers_current = False

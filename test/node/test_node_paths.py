@@ -17,6 +17,7 @@ from harness import values
 from nav_msgs.msg import Path
 import pytest
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
+from sat_collision.geometry.preparation import Preparation
 from sat_collision.messages.outputs import Outputs
 from sat_collision.messages.paths import Paths
 from std_msgs.msg import Bool
@@ -89,6 +90,14 @@ def test_distance_follows_path_and_obstacles(start_with_tf, qos):
     publisher.publish(Path())
     robot.until_text('unknown: no plan, as the last path on /plan is empty')
     robot.until_distance(math.nan)
+
+
+def test_distance_is_unknown_until_it_can_be_measured(start_with_tf, monkeypatch):
+    """Kernels are still compiled: it is published all the same, as NaN."""
+    monkeypatch.setattr(Preparation, 'is_complete', lambda self: False)
+    robot = Robot(start_with_tf(**ROBOT))
+    robot.until_distance(math.nan)
+    assert robot.running.monitor._outputs.measures is False
 
 
 def test_each_distance_is_published_before_the_next_path_is_checked(start_with_tf, monkeypatch):

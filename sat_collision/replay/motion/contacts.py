@@ -37,8 +37,8 @@ _Depth: TypeAlias = tuple[float, int, tuple[Polygon, Polygon]]
 _NOTHING = indexable(np.zeros(1)), 0
 # Up to how far apart the sweep takes bodies to touch, in m, with what rounded times take.
 _TOLERANCE = 2e-6
-# Where bodies part in a contact by less, in m, or by less than this part of how they move there,
-# this may go unnoticed.
+# Where bodies part in a contact by no more than this, in m, it may go unnoticed; or by no more
+# than their relative motion in the contact, divided by this.
 _GAP = 1e-3
 _PARTS = 128
 
@@ -360,10 +360,10 @@ class _Pair(NamedTuple):
     def depths(self, first: int, last: int, margin: float,
                touches: bool) -> tuple[list[_Depth], PolygonError | None]:
         """
-        Return depths between two times of touching; and why some, if any, are not known.
+        Return depths from one time of touching to another, and why some, if any, are not known.
 
-        There are so many that the bodies are apart at one of them, or nowhere by much: a motion
-        is halved until its ends are so deep that what changes on it cannot part them.
+        The bodies are apart at one of these times, or not by more than `_GAP` or `_PARTS` tell at
+        any time: each part of the motion is halved until its ends are deep enough to show that.
         """
         found: dict[int, float] = {}
         measured: list[_Depth] = []
@@ -398,11 +398,9 @@ class _Pair(NamedTuple):
 
     def _most_change(self) -> float:
         """
-        Return twice how much less deep the bodies can be within a motion than at its ends, metres.
+        Return what docs/motion.md (I4) calls m, in metres.
 
-        Convex bodies that only translate are deepest in between, as their depth is the least of
-        functions that are linear in time, one for each direction. So what counts of each is how
-        its vertices move differently. Of others it is how one moves as the other sees it.
+        On the way the bodies are less deep by half of it at most than at the less deep end.
         """
         own, own_end, other, other_end = self.rings()
         own_moved, other_moved = own_end - own, other_end - other

@@ -152,13 +152,21 @@ def test_latched_plan_of_before_the_start_counts(start_with_tf, join):
 
 def test_publishers_with_other_qos_take_over(start_with_tf, join):
     """Volatile, then latched before it is known, then best effort."""
-    robot = Robot(start_with_tf(**ROBOT))
+    running = start_with_tf(**ROBOT)
+    robot = Robot(running)
+
+    def is_heard(name):
+        return any(one.node_name == name
+                   for one in running.monitor.get_publishers_info_by_topic('/plan'))
+
     for number, qos in enumerate((10, LATCHED, BEST_EFFORT, LATCHED)):
         planner = join(f'planner{number}')
         if qos is LATCHED:
-            planner.listen('~/collision')
-            plans = planner.node.create_publisher(Path, '/plan', qos)
-            plans.publish(straight(9.0))
+            def latch():
+                plans = planner.node.create_publisher(Path, '/plan', qos)
+                plans.publish(straight(9.0))
+                return plans
+            plans = planner.joined(latch, lambda _: is_heard(planner.node.get_name()))
         else:
             plans = planner.publisher('/plan', Path, qos)
             plans.publish(straight(1.0))

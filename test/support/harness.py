@@ -85,7 +85,7 @@ class Peer:
         self.node.destroy_node()
         self.context.shutdown()
 
-    def _joined(self, create, count):
+    def joined(self, create, count):
         """
         Return an endpoint once it counts one on the other side; `create` makes it.
 
@@ -122,7 +122,7 @@ class Peer:
     def publisher(self, topic, kind=PolygonStamped, qos=100):
         """Return a publisher that the monitor has found."""
         if topic not in self._publishers:
-            publisher = self._publishers[topic] = self._joined(
+            publisher = self._publishers[topic] = self.joined(
                 lambda: self.node.create_publisher(kind, topic, qos),
                 Publisher.get_subscription_count)
             self.until(lambda: publisher.get_subscription_count()
@@ -152,7 +152,7 @@ class Peer:
         topic = topic.replace('~', f'/{self.name}')
         if topic not in self._received:
             received = []
-            subscription = self._joined(
+            subscription = self.joined(
                 lambda: self.node.create_subscription(kind, topic, received.append, qos),
                 Subscription.get_publisher_count)
             self._received[topic] = received

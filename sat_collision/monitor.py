@@ -208,7 +208,7 @@ class Monitor:
 
     def _apply_moved(self, now: int) -> list[Rejection]:
         """Apply messages whose transforms have arrived, and place outlines that have moved."""
-        rejections = self.outlines.follow(now)
+        rejections = self.outlines.follow(now, has_received=True)
         if self.waiting.earliest < NEVER:
             rejections += self.waiting.apply(now)
         self._follow_maps(now)

@@ -16,6 +16,7 @@ from builders import box, odometry, SECOND, serialised, transforms
 from monitors import nanoseconds, START, World
 import pytest
 from sat_collision.messages.transform_listener import TF_STATIC
+from sat_collision.monitor import Monitor
 from sat_collision.scene import frames
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings, TF
 
@@ -187,6 +188,16 @@ def test_missing_transform_is_reported_once():
     assert world.reasons == [frames.UNKNOWN_FRAME, frames.NOT_CONNECTED]
     world.move(1.1, 1.0)
     assert world.status() == 'clear'
+
+
+@pytest.mark.parametrize('now, topic', [(START, TF), (START, TF_STATIC), (0, TF_STATIC)])
+def test_missing_transform_is_reported_where_others_came_first(now, topic):
+    """Before anything else, or before simulated time begins; no more need come."""
+    monitor = Monitor(Settings(frame_id='odom', footprints=(ROBOT,), obstacles=(SOURCE,)), True)
+    monitor.receive_transforms(topic, transforms(('odom', 'arm', START, 1.0, 0.0)), now)
+    assert not monitor.advance(START)
+    rejection, = monitor.advance(nanoseconds(0.2000001))
+    assert rejection.reason == frames.UNKNOWN_FRAME
 
 
 def test_tilted_frame_is_unknown_at_once():

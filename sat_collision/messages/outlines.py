@@ -56,6 +56,8 @@ class Outlines:
         self._odometry: dict[str, tuple[int, str, Twist]] = {}
         # Whether frames that are static are to be looked up although no message comes.
         self._is_clock_new = True
+        # Whether a message of transforms, or of odometry, has come since the clock began.
+        self._has_transforms = False
         self.configure(settings)
 
     def configure(self, settings: Settings) -> None:
@@ -68,7 +70,7 @@ class Outlines:
     def clear(self) -> None:
         """Forget all places: the clock was set back."""
         self._odometry.clear()
-        self._is_clock_new = True
+        self._is_clock_new, self._has_transforms = True, False
         for one in self._outlines.values():
             one.forget()
 
@@ -103,8 +105,9 @@ class Outlines:
             self._odometry[settings.topic] = time, child, twist
         return []
 
-    def follow(self, now: int) -> list[Rejection]:
+    def follow(self, now: int, has_received: bool = False) -> list[Rejection]:
         """Place the outlines that have moved, once there is a clock."""
+        self._has_transforms |= has_received
         if not now:
             return []
         rejections = [rejection for one in self._outlines.values()
@@ -138,7 +141,7 @@ class Outlines:
             one.is_pending = True
             return None
         one.is_pending = False
-        if one.begun is None and not self._is_clock_new:
+        if one.begun is None and self._has_transforms:
             one.begun = now
         found = self._transforms.lookup_affine(settings.frame_id, 0, now)
         if isinstance(found, NoTransform):

@@ -197,6 +197,11 @@ class _Check:
         if not recording.counts.total() and (recording.topics or not recording.problems):
             result.notes.append('the recording has no messages: were the topics published while '
                                 'it was made, with a QoS that suits the recorder?')
+        shared = {one.topic for one in self._settings.inputs} & recording.shared.keys()
+        result.notes += [
+            f'{topic} had {recording.shared[topic]} publishers: which message is whose is not '
+            'recorded, so all count as those of one, where the node would know nothing; give each '
+            'its own topic' for topic in sorted(shared)]
         if result.start is not None and LOSS_TYPE not in recording.topics.values():
             result.notes.append(UNSEEN)
         result.sources = [self._result_of(source) for source in all_sources(self._settings)]

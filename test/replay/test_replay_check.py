@@ -209,6 +209,18 @@ def test_recording_of_a_simulation_needs_the_header_clock(tmp_path):
     assert since(result, result.contacts[0].first, result.contacts[0].last) == [4.0, 5.0]
 
 
+@pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
+@pytest.mark.parametrize('publishers', (0, 1, 2))
+def test_publishers_whose_messages_cannot_be_told_apart_are_noted(tmp_path, storage, publishers):
+    """The node would know nothing of two; the storage file alone says how many there were."""
+    bag = write(tmp_path / 'bag', drive(), storage, publishers=publishers)
+    for recording in (bag, storage_file(bag)):
+        notes = [note for note in check(recording).notes if 'publishers' in note]
+        assert [note.partition(':')[0] for note in notes] == (
+            [f'{topic} had 2 publishers' for topic in ('/footprint', '/obstacles')]
+            if publishers == 2 else [])
+
+
 @pytest.mark.parametrize('as_live', [False, True])
 @pytest.mark.parametrize('back', (0.0, 0.25, 0.95, 5.0, 30.0))
 def test_simulation_that_was_reset_is_not_clear(tmp_path, as_live, back):

@@ -59,8 +59,10 @@ POLYGON_2D = 'polygon_msgs/msg/Polygon2DStamped'
 COLLECTION = 'polygon_msgs/msg/Polygon2DCollection'
 LOST_TOPIC = '/events/rosbag2_messages_lost'
 INSTANCE = 'geometry_msgs/msg/PolygonInstanceStamped'
-LATCHED = Qos(QosHistory.KEEP_LAST, 10, QosReliability.RELIABLE, QosDurability.TRANSIENT_LOCAL,
-              *[QosTime(0, 0)] * 2, QosLiveliness.AUTOMATIC, QosTime(0, 0), False)
+VOLATILE, LATCHED = (
+    Qos(QosHistory.KEEP_LAST, 10, QosReliability.RELIABLE, durability, *[QosTime(0, 0)] * 2,
+        QosLiveliness.AUTOMATIC, QosTime(0, 0), False)
+    for durability in (QosDurability.VOLATILE, QosDurability.TRANSIENT_LOCAL))
 # The name of the default source of obstacles.
 SOURCE = settings_of({}).obstacles[0].name
 MARKS, STAMPS, EACH = 'empty_polygon', 'new_stamp', 'each_message'
@@ -101,12 +103,13 @@ def box(x, y=0.0, size=1.0):
     return [(x, y), (x + size, y), (x + size, y + size), (x, y + size)]
 
 
-def write(path, messages, storage='mcap', compression=None, types=None, latched=()):
+def write(path, messages, storage='mcap', compression=None, types=None, latched=(),
+          publishers=1):
     """
     Write (topic, seconds, points) and (topic, seconds, bytes) to a bag by time; return its path.
 
     `compression` is None, 'file', 'message' or 'storage'; types are POLYGON by default;
-    `latched` topics are recorded with transient-local durability.
+    `latched` topics are recorded with transient-local durability, each of some publishers.
     """
     writer = Writer(path, version=9, storage_plugin=StoragePlugin[storage.upper()])
     if compression:
@@ -118,7 +121,7 @@ def write(path, messages, storage='mcap', compression=None, types=None, latched=
                 kind = (types or {}).get(topic, POLYGON)
                 topics[topic] = writer.add_connection(
                     topic, kind, typestore=TYPES if kind in TYPES.types else STORE,
-                    offered_qos_profiles=[LATCHED] if topic in latched else ())
+                    offered_qos_profiles=publishers * [LATCHED if topic in latched else VOLATILE])
             stamp = nanoseconds(time)
             data = content if isinstance(content, bytes) else serialised(content, stamp)
             writer.write(topics[topic], stamp, data)

@@ -41,13 +41,14 @@ class Recording(Storage):
 
     It is a context manager. A damaged recording is read as far as possible, and every fault of a
     file is recorded. Its content is compared with metadata.yaml. `latched` are the topics whose
-    publishers were transient local.
+    publishers were transient local, `shared` those with several publishers, and how many.
     """
 
     def __init__(self, path: str | Path, limits: Limits = Limits()) -> None:
         self.path = Path(path)
         super().__init__(Faults(self.path))
         self.latched: set[str] = set()
+        self.shared: dict[str, int] = {}
         self._limits = limits
         self._scratch = Scratch(limits.disk)
         self._all_faults: list[Faults] = [self._faults]
@@ -148,7 +149,8 @@ class Recording(Storage):
             if not present:
                 self._faults.damaged('no .mcap or .db3 file in this directory')
             return present
-        self.latched = self._metadata.latched
+        for topic, profiles in self._metadata.profiles:
+            self._note_profiles(topic, profiles)
         if self._metadata.packed:
             self._compressions.add('zstd')
         total = sum(self._metadata.counts.values())
@@ -220,8 +222,23 @@ class Recording(Storage):
             self._add_topic(topic, kind)
         self.counts.update(part.counts)
         self._extend(part.start, part.end)
-        self.latched |= {topic for topic, profiles in part.profiles
-                         if len(profiles) <= self._limits.metadata and _is_latched(profiles)}
+        for topic, profiles in part.profiles:
+            if len(profiles) <= self._limits.metadata:
+                self._note_profiles(topic, profiles)
+
+    def _note_profiles(self, topic: str, profiles: Any) -> None:
+        """Note the QoS profiles of a topic's publishers, a list or its YAML text."""
+        if isinstance(profiles, str):
+            try:
+                profiles = yaml.load(profiles, _Loader)
+            except Exception:  # as in read_metadata
+                return
+        if not isinstance(profiles, list):
+            return
+        if len(profiles) > 1:
+            self.shared[topic] = max(len(profiles), self.shared.get(topic, 0))
+        if any(isinstance(one, dict) and one.get('durability') in _LATCHED for one in profiles):
+            self.latched.add(topic)
 
     def _compare(self, found: Mapping[str, int]) -> None:
         """Compare numbers of messages with those in metadata.yaml."""
@@ -244,7 +261,7 @@ class Metadata(NamedTuple):
     files: list[str]  # the names of the storage files, in their order
     counts: dict[str, int]  # of messages, by topic
     total: int
-    latched: set[str]  # topics with transient local publishers
+    profiles: list[tuple[str, Any]]  # the QoS profiles of publishers, by topic
     packed: bool  # whether files or messages are compressed one by one
     span: Span | None  # of the whole recording
     files_spans: dict[str, Span]  # by the name of the file without .zstd, as far as given
@@ -274,13 +291,12 @@ def read_metadata(path: Path, max_bytes: int) -> Metadata:
     if not all(isinstance(name, str) for name in files):
         raise Damage("has 'relative_file_paths' that are no texts")
     counts: dict[str, int] = {}
-    latched = set()
+    profiles = []
     for topic in _entry(information, 'topics_with_message_count', list):
         described = _entry(topic, 'topic_metadata', dict)
         name = _entry(described, 'name', str)
         counts[name] = counts.get(name, 0) + _entry(topic, 'message_count', int)
-        if _is_latched(described.get('offered_qos_profiles')):
-            latched.add(name)
+        profiles.append((name, described.get('offered_qos_profiles')))
     spans = {}
     described = information.get('files')
     for file in described if isinstance(described, list) else []:
@@ -288,7 +304,7 @@ def read_metadata(path: Path, max_bytes: int) -> Metadata:
         if span and isinstance(file.get('path'), str):
             spans[Path(file['path']).name.removesuffix('.zstd')] = span
     return Metadata([Path(name).name for name in files], counts,
-                    _entry(information, 'message_count', int), latched,
+                    _entry(information, 'message_count', int), profiles,
                     bool(information.get('compression_mode')), _span(information), spans)
 
 
@@ -316,17 +332,6 @@ def _compare_times(faults: Faults, found: Storage, announced: Span | None) -> No
         faults.differs('span', 'metadata.yaml announces messages from {:.3f} s to {:.3f} s, but '
                        'they are from {:.3f} s to {:.3f} s'.format(*(time / 1e9 for time in (
                            *announced[1:], found.start, found.end))))
-
-
-def _is_latched(profiles: Any) -> bool:
-    """Return whether one of the QoS profiles, a list or its YAML text, is transient local."""
-    if isinstance(profiles, str):
-        try:
-            profiles = yaml.load(profiles, _Loader)
-        except Exception:  # as in read_metadata
-            return False
-    return isinstance(profiles, list) and any(
-        isinstance(one, dict) and one.get('durability') in _LATCHED for one in profiles)
 
 
 def _entry(content: Any, key: str, kind: type) -> Any:

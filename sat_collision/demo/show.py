@@ -205,6 +205,8 @@ class _Viewer(Node):
         self._states = dict.fromkeys(_ROBOTS, 'unknown')
         self.frames: list[_Frame] = []
         self.is_shown = False
+        # The number of the signal that ends the demo, 0 for none.
+        self.signal = 0
         # When the first robot was seen to be clear: the scene has begun.
         self._start: float | None = None
         for name in self.flags:
@@ -258,12 +260,18 @@ def _print(line: str) -> None:
 
 
 def _spin(viewer: _Viewer, condition: Callable[[], bool], timeout: float) -> bool:
-    """Spin until a condition holds; return whether it came to hold within the timeout (s)."""
+    """
+    Spin until a condition holds; return whether it came to hold within the timeout (s).
+
+    A signal ends the demo here, not within rclpy, which may print or replace the error.
+    """
     deadline = time.monotonic() + timeout
     while not condition():
         if time.monotonic() > deadline:
             return False
         rclpy.spin_once(viewer, timeout_sec=0.1)
+        if viewer.signal:
+            sys.exit(128 + viewer.signal)
         viewer.show_progress()
     return True
 
@@ -407,22 +415,17 @@ def show(args: Sequence[str] | None = None) -> int:
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     os.environ['ROS_DOMAIN_ID'] = str(DOMAINS[os.getpid() % len(DOMAINS)])
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    ends: list[int] = []
-
-    def end(number: int, frame: object) -> None:
-        ends.append(128 + number)
-        sys.exit(ends[0])
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, end)
     viewer = _Viewer()
-    try:
-        is_right = _watch(viewer) and _is_right(viewer)
-    except RuntimeError:
-        # Where rclpy takes a message it makes another error of the exit.
-        if ends:
-            sys.exit(ends[0])
-        raise
+
+    def note(number: int, frame: object) -> None:
+        viewer.signal = number
+
+    signals = signal.SIGINT, signal.SIGTERM
+    for number in signals:
+        signal.signal(number, note)
+    is_right = _watch(viewer) and _is_right(viewer)
+    for number in signals:
+        signal.signal(number, signal.SIG_DFL)
     rclpy.shutdown()
     is_drawn = _draw(viewer.frames, options.picture, options.movie)
     return 0 if is_right and is_drawn else 1

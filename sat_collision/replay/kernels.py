@@ -159,7 +159,7 @@ class _WarmUp:
     latched: frozenset[str] = frozenset()
     problems: tuple[str, ...] = ()
     topics = {'/footprint': _POLYGON, '/obstacles': _POLYGON}
-    counts: Counter[str] = Counter()
+    counts = shared = Counter[str]()
 
     def rows(self, *_: object) -> Iterator[Row]:
         for tick in range(101):

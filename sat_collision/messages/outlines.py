@@ -106,7 +106,7 @@ class Outlines:
         return []
 
     def follow(self, now: int, has_received: bool = False) -> list[Rejection]:
-        """Place the outlines that have moved, once there is a clock."""
+        """Place the outlines that have moved, once there is a clock; say if a message has come."""
         self._has_transforms |= has_received
         if not now:
             return []

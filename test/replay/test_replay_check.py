@@ -9,7 +9,9 @@
 
 """Replay as live of recordings whose results are known."""
 
+import contextlib
 import random
+import sqlite3
 
 from builders import collection, polygon_2d, SECOND, serialised
 from published import load
@@ -219,6 +221,14 @@ def test_publishers_whose_messages_cannot_be_told_apart_are_noted(tmp_path, stor
         assert [note.partition(':')[0] for note in notes] == (
             [f'{topic} had 2 publishers' for topic in ('/footprint', '/obstacles')]
             if publishers == 2 else [])
+
+
+def test_publishers_that_only_metadata_tells_of_are_noted(tmp_path):
+    """As where rosbag2_py reads the files."""
+    bag = write(tmp_path / 'bag', drive(), 'sqlite3', publishers=2)
+    with contextlib.closing(sqlite3.connect(storage_file(bag))) as file, file:
+        file.execute("UPDATE topics SET offered_qos_profiles = ''")
+    assert sum('had 2 publishers' in note for note in check(bag).notes) == 2
 
 
 @pytest.mark.parametrize('as_live', [False, True])

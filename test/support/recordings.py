@@ -109,7 +109,8 @@ def write(path, messages, storage='mcap', compression=None, types=None, latched=
     Write (topic, seconds, points) and (topic, seconds, bytes) to a bag by time; return its path.
 
     `compression` is None, 'file', 'message' or 'storage'; types are POLYGON by default;
-    `latched` topics are recorded with transient-local durability, each of some publishers.
+    `latched` topics are recorded with transient-local durability. Each topic is recorded as one
+    of so many publishers.
     """
     writer = Writer(path, version=9, storage_plugin=StoragePlugin[storage.upper()])
     if compression:

@@ -236,7 +236,7 @@ class Recording(Storage):
         if not isinstance(profiles, list):
             return
         if len(profiles) > 1:
-            self.shared[topic] = max(len(profiles), self.shared.get(topic, 0))
+            self.shared[topic] = len(profiles)
         if any(isinstance(one, dict) and one.get('durability') in _LATCHED for one in profiles):
             self.latched.add(topic)
 

@@ -17,7 +17,7 @@ test-all: $(VENV)/messages.stamp
 test test-all: $(VENV)/test.stamp
 	$(BIN)/python -m mypy
 	$(BIN)/python -m sat_collision.replay.kernels
-	$(BIN)/python -m pytest --dist worksteal -n 4 $(TESTS)
+	$(BIN)/python -m pytest --dist worksteal -n 3 $(TESTS)
 
 # Lines and branches that tests run, without the longest tests: kernels as plain Python, the node
 # as it is.

@@ -192,7 +192,7 @@ class Outputs:
                 self._times[name].publish(_number(prediction.seconds) if prediction and
                                           prediction.is_known else _UNKNOWN)
             if with_states:
-                self._states.write(name, scene.state(name), coordinate_step(scene.polygon(name)),
+                self._states.write(name, scene.state(name), coordinate_step(scene, name),
                                    prediction, self.measures)
                 self._states.write_moving(name, scene, nearest, prediction)
                 self._states.pack(name)

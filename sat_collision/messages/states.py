@@ -15,7 +15,6 @@ import struct
 from typing import Any
 
 import numpy as np
-from sat_collision.geometry.body.polygon import Polygon
 from sat_collision.messages.interfaces import (
     DiagnosticArray, DiagnosticStatus, KeyValue, serialize)
 from sat_collision.scene.footprints import State, Status
@@ -48,9 +47,12 @@ def in_words(state: State, margin: float = 0.0, prediction: Prediction | None = 
     return f'{word}: {"; ".join(state.reasons)}' if state.reasons else word
 
 
-def coordinate_step(polygon: Polygon | None) -> float:
-    """Return the float32 step (m) of a polygon's coordinates, 0 for None."""
-    return float(np.spacing(np.float32(np.abs(polygon.bounds).max()))) if polygon else 0.0
+def coordinate_step(scene: Scene, name: str) -> float:
+    """Return the float32 step (m) of coordinates sent in the fixed frame, 0 of others."""
+    polygon = scene.polygon(name)
+    if polygon is None or scene.origin(name)[0] != scene.frame_id:
+        return 0.0
+    return float(np.spacing(np.float32(np.abs(polygon.bounds).max())))
 
 
 class States:
@@ -68,7 +70,7 @@ class States:
 
     def update(self, scene: Scene) -> None:
         for name in self._statuses:
-            self.write(name, scene.state(name), coordinate_step(scene.polygon(name)))
+            self.write(name, scene.state(name), coordinate_step(scene, name))
 
     def write(self, name: str, state: State, step: float,
               prediction: Prediction | None = None, is_measured: bool = True) -> None:

@@ -50,13 +50,20 @@ def test_state_in_words(state, margin, words):
     assert in_words(state, margin) == words
 
 
-def test_coordinate_step():
-    """The float32 step at the coordinate furthest from 0; 0 without a body."""
-    assert 0.0009 < coordinate_step(square(10000)) < 0.001
-    assert coordinate_step(square(-10000)) == coordinate_step(square(9999))
-    assert coordinate_step(Polygon([(1, -10000)])) == coordinate_step(Polygon([(10000, 1)]))
-    assert coordinate_step(square(0)) == 2.0**-23
-    assert coordinate_step(None) == 0.0
+@pytest.mark.parametrize('body, origin, step', [
+    (square(0), None, 2.0**-23),
+    (square(10_000), None, 2.0**-10),
+    (square(-10_000), None, 2.0**-10),
+    (Polygon([(1, -10_000)]), None, 2.0**-10),
+    (square(10_000), ('base', 0), 0.0),
+    (None, None, 0.0)], ids=['near', 'far', 'far on the other side', 'far along y',
+                             'moved far away from another frame', 'none'])
+def test_coordinate_step(body, origin, step):
+    """The float32 step at the coordinate furthest from 0, of those that were sent here."""
+    scene = Scene(Settings((FootprintSettings('robot', '/robot'),), ()))
+    if body:
+        scene.footprint('robot', body.packed, 'map', SECOND, SECOND, origin)
+    assert coordinate_step(scene, 'robot') == step
 
 
 FIELDS = ['x', 'y', 'z', 'normal_x', 'normal_y', 'normal_z', 'depth', 'obstacle']

@@ -46,22 +46,21 @@ class Paths:
         self._scene = scene
         self._transforms = transforms
         self._outlines = outlines
-        self._latest = {path.name: ReceivedPath(path.topic) for one in scene.settings.footprints
-                        if (path := one.path_settings)}
-        self.names = frozenset(self._latest)
+        self.names = frozenset(path.name for one in scene.settings.footprints
+                               if (path := one.path_settings))
+        self.clear()
 
     def receive(self, name: str, data: bytes) -> None:
         """Take a serialised Path, which replaces the one before."""
-        self._latest[name] = ReceivedPath(self._latest[name].topic, data)
+        self.latest[name] = ReceivedPath(data)
 
     def note_fault(self, name: str, fault: str) -> None:
         """Record why no path can come, empty if one can; the last one still counts."""
-        self._latest[name].fault = fault
+        self.latest[name].fault = fault
 
     def clear(self) -> None:
         """Forget all paths: the clock was set."""
-        for name, latest in self._latest.items():
-            self._latest[name] = ReceivedPath(latest.topic)
+        self.latest = {name: ReceivedPath() for name in self.names}
 
     def check(self, now: int, footprints: Iterable[FootprintSettings] | None = None,
               measures: bool = True) -> list[Rejection]:
@@ -74,7 +73,7 @@ class Paths:
         for footprint in self._scene.settings.footprints if footprints is None else footprints:
             if settings := footprint.path_settings:
                 rejections += self.read(settings, now)
-                latest = self._latest[settings.name]
+                latest = self.latest[settings.name]
                 if measures:
                     self._scene.path_checks[footprint.name] = self.check_one(
                         footprint, latest, now)
@@ -88,23 +87,21 @@ class Paths:
 
         One of too many poses is decoded again when it may have so many.
         """
-        latest, most = self._latest[settings.name], self._scene.settings.max_path_poses
-        if not (now and latest.data) or latest.path or (
-                latest.problem and not 0 < latest.too_many <= most):
+        latest, most = self.latest[settings.name], self._scene.settings.max_path_poses
+        if not now or latest.data is None or latest.too_many > most:
             return []
-        latest.problem, latest.too_many = '', 0
+        data, latest.data, latest.problem = latest.data, None, ''
         try:
-            latest.stamp, latest.frame_id, poses = decode_path(latest.data, most)
+            latest.stamp, latest.frame_id, poses = decode_path(data, most)
         except MessageError as error:
             problem = (POSE_FRAME if isinstance(error, PoseFrameError) else UNDECODABLE,
                        str(error))
         else:
             if isinstance(poses, int):
-                latest.too_many = poses
+                latest.data, latest.too_many = data, poses
                 problem = TOO_MANY_POSES, f'{poses} poses, where max_path_poses is {most}'
             elif not len(poses):
-                latest.is_empty = True
-                latest.problem = f'no plan, as the last path on {latest.topic} is empty'
+                latest.problem = f'no plan, as the last path on {settings.topic} is empty'
                 return []
             elif not (np.abs(poses) < _FARTHEST).all():
                 problem = BAD_PATH, f'a number is not finite, or beyond {_FARTHEST:g}'
@@ -120,11 +117,8 @@ class Paths:
                     latest.path = path
                     return []
                 problem = NO_ORIENTATION, f'the quaternion of pose {unknown[0]} is zero'
-        latest.problem = f'the last path on {latest.topic} was refused: {problem[0]}'
+        latest.problem = f'the last path on {settings.topic} was refused: {problem[0]}'
         return [self._ingest.reject(settings, *problem)]
-
-    def latest(self, name: str) -> ReceivedPath:
-        return self._latest[name]
 
     def check_one(self, footprint: FootprintSettings, latest: ReceivedPath, now: int,
                   is_plan: bool = False) -> PathCheck:
@@ -142,9 +136,9 @@ class Paths:
         path = latest.path
         if path is None:
             return PathCheck(math.nan, latest.problem or '; '.join(
-                filter(None, (f'no path on {latest.topic} yet', latest.fault))))
+                filter(None, (f'no path on {footprint.path} yet', latest.fault))))
         if missing:
-            return PathCheck(math.nan, f'the path on {latest.topic} has no place: '
+            return PathCheck(math.nan, f'the path on {footprint.path} has no place: '
                                        f'{missing.lasting}', may_come=missing.may_come)
         outline = self._outlines.polygon(name)
         try:
@@ -152,7 +146,7 @@ class Paths:
                 path.advance(self._outlines.pose(name), float(np.hypot(*outline.vertices.T).max()))
             return scene.check_path(name, path, outline)
         except ValueError as error:
-            return PathCheck(math.nan, f'the path on {latest.topic} cannot be checked: {error}')
+            return PathCheck(math.nan, f'the path on {footprint.path} cannot be checked: {error}')
 
     def _place(self, latest: ReceivedPath, now: int) -> NoTransform | None:
         """Move a path to the fixed frame, once; return why that cannot be done yet."""
@@ -170,12 +164,10 @@ class Paths:
 class ReceivedPath:
     """The last path on a topic, if any."""
 
-    topic: str
-    data: bytes = b''
+    data: bytes | None = None  # while it is to be decoded
     stamp: int = 0
     frame_id: str = ''  # that it is in: as sent, until it is moved to the fixed one
     path: FollowedPath | None = None  # None, too, if it is empty or was refused
-    is_empty: bool = False
     problem: str = ''  # why there is none
     too_many: int = 0  # the number of its poses, if it was refused for that
     fault: str = ''  # why no other can come

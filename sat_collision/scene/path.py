@@ -22,8 +22,16 @@ from sat_collision.scene.footprints import Footprint
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.velocity import is_upside_down, Pose
 
-# Shares of the reach that are taken for rounding.
-_SLACK = 1e-6
+# A shorter way from pose to pose, in m, has no direction: it may be one of rounding.
+_SHORTEST = 1e-6
+# How close to each other, in m and rad, are the places that are compared with the robot's, unless
+# they would be more than so many, and the poses.
+_CLOSE = 0.05
+_MANY = 20_000
+# Paths are uneven: one is followed on to where it is nearest to the robot as long as it leads away
+# by no more than this share of the reach; angles count as this share of what they are.
+_BUMP = 0.04
+_OF_ANGLES = 0.2
 
 
 class PathCheck(NamedTuple):
@@ -63,6 +71,7 @@ class FollowedPath:
         self.poses = np.column_stack([numbers[:, :2], yaws])
         self.is_by_travel = not numbers[:-1, 3:6].any() and self._turn_to_travel()
         self.progress = 0.0
+        self._divided: NDArray[np.float64] | None = None
 
     def _turn_to_travel(self) -> bool:
         """
@@ -73,7 +82,7 @@ class FollowedPath:
         """
         places, goal = self.poses[:, :2], self.poses[-1]
         ways = np.diff(places, axis=0)
-        moving = np.flatnonzero(ways.any(axis=1))
+        moving = np.flatnonzero(abs(ways).max(axis=1) > _SHORTEST)
         if not len(moving):
             return False
         following = np.searchsorted(moving, np.arange(len(ways))).clip(max=len(moving) - 1)
@@ -95,41 +104,53 @@ class FollowedPath:
         turned = math.atan2(d, a) + (-yaw if is_upside_down(affine) else yaw)
         self.poses = np.column_stack([a * px + b * py + x, d * px + e * py + y, turned])
 
+    def _divide(self) -> NDArray[np.float64]:
+        """Return places on the path, close to each other, the metres until there and the poses."""
+        steps = _steps(self.poses[:-1], self.poses[1:])
+        sizes = np.hypot(*steps[:, :2].T) + abs(steps[:, 2])
+        counts = np.ceil(sizes / max(_CLOSE, sizes.sum() / _MANY)).clip(1).astype(int)
+        k = np.repeat(np.arange(len(steps)), counts)
+        shares = (np.arange(len(k)) - (np.cumsum(counts) - counts)[k]) / counts[k]
+        there = np.vstack([self.poses[k] + _moved(steps[k], shares), self.poses[-1:]])
+        ways = np.append(0.0, np.cumsum(np.hypot(*np.diff(there[:, :2], axis=0).T)))
+        return np.column_stack([np.append(k + shares, len(steps)), ways, there])
+
     def advance(self, pose: Pose, reach: float) -> None:
         """
-        Move the progress on to where the path is nearest to the robot; it never goes back.
+        Move the progress to where the path is nearest to the robot, back only by a reach or more.
 
         Angles count as ways of a point at `reach` (m). Of several parts of the path that are as
-        near, to within the reach, the first one counts.
+        near, to within the reach, the first one ahead counts, but one behind that is nearer along
+        the path by more than twice the reach.
         """
-        first = min(int(self.progress), len(self.poses) - 2)
-        if first < 0:
-            return
-        # Of each segment the gap is at least that of its start less its length, without angles,
-        # and at most that of its end. Neither is the first above the second by rounding.
-        off = pose - self.poses[first:]
-        away = np.hypot(off[:, 0], off[:, 1])
-        lengths = np.hypot(*np.diff(self.poses[first:, :2], axis=0).T)
-        least = np.minimum(away[:-1] - lengths, away[1:])
-        near = np.flatnonzero(least <= _gaps(off[1:], reach).min() + reach)
-        starts, ends = self.poses[first + near], self.poses[first + near + 1]
-        steps = _steps(starts, ends)
-        off = off[near]
-        along = _nearest_shares(steps, off, reach)
-        if near[0] == 0:
-            along[0] = max(along[0], self.progress - first)
-        gaps = _gaps(off - _moved(steps, along), reach)
-        k = int(np.argmax(gaps <= gaps.min() + reach))
-        # On to the next segment where neither it nor the pose between them is farther.
-        goes_on = ((np.diff(near[k:]) == 1) & (np.diff(gaps[k:]) <= 0.0)
-                   & (_gaps(pose - ends[k:-1], reach) <= gaps[k:-1] + _SLACK * reach))
-        k += int(np.argmin(np.append(goes_on, False)))
-        self.progress = first + int(near[k]) + float(along[k])
+        if self._divided is None:
+            self._divided = self._divide()
+        places, ways, close = self._divided[:, 0], self._divided[:, 1], self._divided[:, 2:]
+        gaps = _gaps(pose - close, reach)
+        own = int(np.searchsorted(places, self.progress, 'right')) - 1
+        ahead = ways - ways[own]
+        ahead[:own] = 2.0 * reach - ahead[:own]
+        near = gaps.min() + reach + np.diff(ways).max(initial=0.0)
+        k = int(np.argmin(np.where(gaps <= near, ahead, math.inf)))
+        on = 1 if k >= own else -1
+        away = _gaps(pose - close[k::on], 0.0 if self.is_by_travel else _OF_ANGLES * reach)
+        leads_away = away > np.minimum.accumulate(away) + _BUMP * reach
+        k += on * int(np.argmin(gaps[k::on][:int(np.argmax(np.append(leads_away, True)))]))
+        # Between that place and those beside it angles count as ways across.
+        k = max(k - 1, 0)
+        size = 1.0, 1.0, reach
+        steps = _steps(close[k:-1][:2], close[k + 1:][:2]) * size
+        off = _steps(close[k:-1][:2], np.array([pose])) * size
+        squares = (steps ** 2).sum(axis=1)
+        shares = ((off * steps).sum(axis=1) / np.where(squares, squares, 1.0)).clip(0.0, 1.0)
+        if len(shares):
+            j = int(np.argmin(((off - shares[:, None] * steps) ** 2).sum(axis=1)))
+            place = float(places[k + j] + shares[j] * (places[k + j + 1] - places[k + j]))
+            self.progress = max(self.progress, place) if on > 0 else place
 
     def at(self, place: float) -> NDArray[np.float64]:
         """Return the pose at a place, on the arc between two poses."""
-        k = min(int(place), max(len(self.poses) - 2, 0))
-        share = place - k
+        k, share = int(place), place % 1.0
         if share == 0.0:
             at: NDArray[np.float64] = self.poses[k]
             return at
@@ -168,45 +189,14 @@ def _steps(starts: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np
     return steps
 
 
-def _nearest_shares(steps: NDArray[np.float64], off: NDArray[np.float64], reach: float
-                    ) -> NDArray[np.float64]:
-    """Return at which share of each step, an arc, the gap to a place off its start is least."""
-    dx, dy, turns = steps.T
-    x, y, angles = off.T
-    sizes = dx * dx + dy * dy
-    # Along the chord and to the left of it, in units of its length.
-    units = np.where(sizes == 0.0, 1.0, sizes)
-    along, beside = (x * dx + y * dy) / units, (y * dx - x * dy) / units
-    # From the centre of the arc, in units of its radius, as all that follows.
-    s, c = np.sin(turns / 2.0), np.cos(turns / 2.0)
-    ahead, outwards = (2.0 * along - 1.0) * s, c - 2.0 * beside * s
-    lever = 2.0 * s * reach / np.sqrt(units)
-    # The gap is least at an end; where the heading is the same; or where the place gets farther
-    # as fast as the heading nearer, when the line from one place to the other passes the centre
-    # at the lever, to one side of where the places are nearest. Angles from the arc's middle on.
-    squares = np.array([np.ones(len(s)), ahead ** 2 + outwards ** 2])
-    shift = np.subtract(*np.arctan2(lever, np.sqrt(np.maximum(squares - lever ** 2, 0.0))))
-    nearest = np.arctan2(ahead, outwards)
-    least = np.array([nearest - shift, nearest + shift, _wrapped(angles - turns / 2.0)])
-    shares = 0.5 + np.divide(least, turns, where=turns != 0.0, out=np.array([along - 0.5] * 3))
-    # What overflows is not a number, for which the start stands.
-    shares = np.vstack([np.zeros(len(s)), np.fmin(np.fmax(shares, 0.0), 1.0), np.ones(len(s))])
-    off, steps = np.tile(off, (len(shares), 1)), np.tile(steps, (len(shares), 1))
-    gaps = _gaps(off - _moved(steps, shares.ravel()), reach).reshape(shares.shape)
-    best = np.argmin(gaps, axis=0)
-    return np.asarray(shares[best, np.arange(len(best))])
-
-
 def _moved(steps: NDArray[np.float64], shares: NDArray[np.float64] | float
            ) -> NDArray[np.float64]:
     """Return x, y and turn of shares of steps, each an arc."""
-    halves = steps[:, 2] / 2.0
-    lengths = np.divide(np.sin(halves * shares), np.sin(halves), where=halves != 0.0,
-                        out=np.zeros(len(steps)) + shares)
-    angles = halves * (shares - 1.0)
-    c, s = lengths * np.cos(angles), lengths * np.sin(angles)
-    dx, dy, turns = steps.T
-    return np.column_stack([c * dx - s * dy, s * dx + c * dy, turns * shares])
+    turns = 1j * steps[:, 2]
+    parts = np.divide(np.expm1(turns * shares), np.expm1(turns), where=turns != 0.0,
+                      out=np.zeros(len(steps)) + shares + 0j)
+    ways = steps[:, :2] @ (1.0, 1j) * parts
+    return np.column_stack([ways.real, ways.imag, steps[:, 2] * shares])
 
 
 def _gaps(off: NDArray[np.float64], reach: float) -> NDArray[np.float64]:

@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-all test-lowest test-newest coverage knowing motion paths docs surface \
+.PHONY: demo test test-all style kernels test-lowest test-newest coverage knowing motion paths docs surface \
     release-check sbom audit bench report accuracy adversary faults soak fuzz clean
 
 demo: $(VENV)/demo.stamp
@@ -12,12 +12,20 @@ demo: $(VENV)/demo.stamp
 unexport PYTHONDONTWRITEBYTECODE
 
 # More at a time than there are cores, because tests of nodes mostly wait.
-test: TESTS = -m 'not long'
+test: TESTS = not long and not linter
+test-all: TESTS = not linter
 test-all: $(VENV)/messages.stamp
 test test-all: $(VENV)/test.stamp
+	$(MAKE) --jobs=2 --output-sync style kernels
+	$(BIN)/python -m pytest --dist worksteal -n 3 -m '$(TESTS)'
+
+# All tests are read here, and their byte code is kept for those that run several at a time.
+style:
 	$(BIN)/python -m mypy
+	$(BIN)/python -m pytest -m linter
+
+kernels:
 	$(BIN)/python -m sat_collision.replay.kernels
-	$(BIN)/python -m pytest --dist worksteal -n 3 $(TESTS)
 
 # Lines and branches that tests run, without the longest tests: kernels as plain Python, the node
 # as it is.

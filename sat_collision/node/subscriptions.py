@@ -269,7 +269,7 @@ class PathSubscriptions(_LateSubscriptions):
     """
     Subscribes to paths with the best QoS that their publishers offer, once there are any.
 
-    Where others have come in place of all of them, it subscribes anew.
+    Where others have come in place of all of them, or one that offers less, it subscribes anew.
     """
 
     def __init__(self, node: Node, settings: Settings, group: CallbackGroup,
@@ -291,7 +291,9 @@ class PathSubscriptions(_LateSubscriptions):
             others = ', '.join(sorted({one.topic_type for one in found}))
             return f'it is published as {others}' if others else 'it has no publisher'
         one, before = self._subscribed.get(settings.name, (None, set()))
-        if publishers.isdisjoint(before):
+        # Where one is not heard, what all offer is less than what those of before did.
+        if publishers.isdisjoint(before) or one and not publishers <= before and (
+                one.subscription.get_publisher_count() < len(publishers)):
             from nav_msgs.msg import Path
             try:
                 self._subscribed[settings.name] = (

@@ -12,8 +12,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib import import_module
 import os
+import stat
 import sys
 
 from sat_collision import __version__
@@ -54,6 +56,7 @@ def main(args: Sequence[str] | None = None) -> int:
               file=sys.stderr)
         return _STATUS_OF_BAD_ARGUMENTS
     _fill_standard_streams()
+    _never_wait_for_readers()
     end_on_signals()
     # Imported only now, because it takes so long that a signal may arrive meanwhile.
     try:
@@ -94,6 +97,22 @@ def _fill_standard_streams() -> None:
     while (opened := os.open(os.devnull, os.O_RDWR)) <= _STDERR:
         os.set_inheritable(opened, True)
     os.close(opened)
+
+
+def _never_wait_for_readers() -> None:
+    """
+    Let lines be lost where nobody reads them: a full pipe, or a terminal that is held.
+
+    ROS writes its log with the interpreter lock held, so no thread would publish a flag any more.
+    The streams are opened anew, as others may share them.
+    """
+    for number in (1, _STDERR):
+        mode = os.fstat(number).st_mode
+        if stat.S_ISFIFO(mode) or os.isatty(number):
+            with suppress(OSError):
+                opened = os.open(f'/dev/fd/{number}', os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
+                os.dup2(opened, number)
+                os.close(opened)
 
 
 if __name__ == '__main__':

@@ -11,7 +11,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 import gc
 import os
 import sys
@@ -28,6 +29,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.logging import (
     get_logger, get_logger_effective_level, get_logger_level, LoggingSeverity, set_logger_level)
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import QoSLivelinessPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import get_rmw_implementation_identifier
@@ -82,6 +84,21 @@ def flag_qos() -> QoSProfile:
         depth=10, deadline=Duration(seconds=_DEADLINE),
         liveliness=QoSLivelinessPolicy.MANUAL_BY_TOPIC,
         liveliness_lease_duration=Duration(seconds=_LEASE))
+
+
+class _Publisher(Publisher):
+    """A publisher that reports its failures instead of raising them."""
+
+    def __init__(self, report: Callable[[str, Exception], None], *args: Any, **options: Any
+                 ) -> None:
+        super().__init__(*args, **options)
+        self._report = report
+
+    def publish(self, message: Any) -> None:
+        try:
+            super().publish(message)
+        except _rclpy.RCLError as error:
+            self._report(self.topic_name, error)
 
 
 class FootprintMonitor(Node):
@@ -142,6 +159,16 @@ class FootprintMonitor(Node):
         self._paths = PathSubscriptions(self, settings, taken_by, inputs)
         self.loop = Loop(self, inputs, self, lambda: self._scene.settings.max_batch_delay)
         parameters.on_change(self._configure, self._health.note_change)
+
+    def create_publisher(self, *args: Any, **options: Any) -> Any:
+        """Create a publisher whose failures are logged and counted, and do not end the node."""
+        return super().create_publisher(
+            *args, publisher_class=partial(_Publisher, self._note_unpublished), **options)
+
+    def _note_unpublished(self, topic: str, error: Exception) -> None:
+        self._health.count_event(topic, 'not published', 1)
+        self.get_logger().error(f'{topic}: {in_one_line(error)}',
+                                throttle_duration_sec=_LOG_PERIOD)
 
     def _set_rates(self, settings: Settings) -> None:
         self._publishing = Every(1.0 / settings.publish_rate)
@@ -349,14 +376,20 @@ class FootprintMonitor(Node):
     def _on_stall(self, stalled: float) -> None:
         """Publish that everything is unknown; called from the watchdog's thread."""
         reason = f'the monitor has been stalled for {stalled:.1f} s'
+        self._health.publish_stall(reason, self._outputs.publish_unknown(reason))
         if not self._is_stalled:
             self._is_stalled = True
             self.get_logger().error(f'{reason}: all flags are raised until it goes on')
-        self._health.publish_stall(reason, self._outputs.publish_unknown(reason))
+
+    def raise_flags(self) -> None:
+        """Publish that everything is unknown, as the last thing."""
+        self._outputs.publish_unknown('the monitor has ended by an error')
 
     def _on_recovery(self, stalled: float) -> None:
         """Log the end of a stall; the tick publishes the current states next."""
         self._is_stalled = False
+        # What is left of these is as old as the stall.
+        self._parts = iter(())
         self._health.count_stall(stalled)
         self.get_logger().error(f'the monitor goes on after a stall of {stalled:.1f} s')
 
@@ -425,6 +458,9 @@ class FootprintMonitor(Node):
 
     def _publish_all(self) -> None:
         """Publish all flags at once, and all figures after what messages are there."""
+        # What came before may have taken long, and nothing is known any more.
+        self._log(self._monitor.advance(self.present(time.monotonic())))
+        self._publish_changes()
         self._outputs.publish_flags()
         self._outputs.find_subscribers()
         self._figures_due.update(one.name for one in self._scene.settings.footprints)
@@ -462,7 +498,11 @@ def run(args: Sequence[str]) -> int:
         node.get_logger().warning(words)
     # Exempt the objects made so far from later garbage collections, each of some 70 ms.
     gc.freeze()
-    node.loop.run(Signalled())
+    try:
+        node.loop.run(Signalled())
+    except Exception:
+        node.raise_flags()
+        raise
     node.get_logger().info('stopped by a signal')
     node.loop.close()
     node.destroy_node()

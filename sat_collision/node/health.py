@@ -17,6 +17,7 @@ import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
+from sat_collision.messages.interfaces import Bool
 from sat_collision.monitor import Monitor
 from sat_collision.node.loop import Backlog
 from sat_collision.node.publishers import publishers_of_tf
@@ -43,7 +44,6 @@ class Health:
         name = node.get_fully_qualified_name()
         self._status = DiagnosticStatus(name=f'{name}: health', hardware_id=name)
         self.facts = facts
-        self._flag = node.resolve_topic_name('~/collision')
         self._events: Counter[tuple[str, str]] = Counter()
         self._news: Counter[str] = Counter()
         self._received: Counter[str] = Counter()
@@ -161,10 +161,12 @@ class Health:
         problems += [f'{what}: {count}' for what, count in (+self._news).items()]
         self._news.clear()
         self._status.level = DiagnosticStatus.WARN if problems else DiagnosticStatus.OK
-        if (rivals := self._node.count_publishers(self._flag) - 1) > 0:
+        flags = sorted({one.topic_name for one in self._node.publishers if one.msg_type is Bool})
+        if shared := [flag for flag in flags if self._node.count_publishers(flag) > 1]:
             self._status.level = DiagnosticStatus.ERROR
-            problems.insert(0, f'{rivals} more publish {self._flag}: another monitor of this name '
-                               'runs, so that no flag can be trusted: end it, or rename one')
+            problems.insert(0, f'others publish {", ".join(shared[:_MAX_NAMED])}, too: another '
+                               'monitor of this name runs, or two flags have one topic, so that '
+                               'they cannot be trusted: end it, or rename one')
         self._status.message = '; '.join(problems) or 'running'
         self._received = received
         self._refused, self._lost = refused, lost

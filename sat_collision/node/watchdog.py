@@ -22,6 +22,7 @@ from rclpy.logging import get_logger
 
 # How many times per period a stall is reported again.
 _REPEATS = 4
+_DATAGRAMS = socket.SOCK_DGRAM | socket.SOCK_CLOEXEC | socket.SOCK_NONBLOCK
 
 
 class Watchdog:
@@ -110,9 +111,7 @@ class Systemd:
         if not self._address:
             return
         now = time.monotonic()
-        if not self._ready:
-            self._ready = True
-            self._say('READY=1')
+        self._ready = self._ready or self._say('READY=1')
         if self._period and now >= self._next:
             self._next = now + self._period
             self._say('WATCHDOG=1')
@@ -122,16 +121,18 @@ class Systemd:
         if self._address:
             self._say('STOPPING=1')
 
-    def _say(self, text: str) -> None:
+    def _say(self, text: str) -> bool:
+        """Return whether it was said: systemd may not listen for a while."""
         # A leading @ stands for the NUL byte of an abstract socket address.
         address = self._address
         if address.startswith('@'):
             address = '\0' + address[1:]
-        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as connection:
-            try:
+        try:
+            with socket.socket(socket.AF_UNIX, _DATAGRAMS) as connection:
                 connection.sendto(text.encode(), address)
-            except OSError:
-                self._address = ''
+        except OSError:
+            return False
+        return True
 
 
 class Every:

@@ -6,7 +6,6 @@
 # writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
-
 """The methods of the report against the oracle: some are exact, some wrong on hard families."""
 
 from fractions import Fraction

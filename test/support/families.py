@@ -6,14 +6,14 @@
 # writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
-
 """
 The hard families: named generators of pairs of bodies on which collision tests go wrong.
 
 Each takes (rng, count, n) and returns a list of count pairs of (k, 2) float64 arrays; k is n, or
 less where a family fixes its shapes or rounding removed a vertex. With their float64 coordinates
 `CONVEX` bodies are strictly convex and counter-clockwise, exactly, and so are `EXTREME` ones,
-whose numbers overflow and underflow; `SIMPLE` ones are simple, mostly not convex.
+whose numbers overflow and underflow; `SIMPLE` ones are simple, mostly not convex; `ALL` are
+`CONVEX` and `SIMPLE` ones.
 No family states its answers: the oracle computes them exactly.
 """
 
@@ -279,6 +279,7 @@ CONVEX = {family.__name__: family for family in (
 EXTREME = {family.__name__: family for family in (
     tiny_edges, mixed_exponents, wide_spans, level_arcs)}
 SIMPLE = {family.__name__: family for family in (notched, interlocked_combs)}
+ALL = {**CONVEX, **SIMPLE}
 
 
 def _pairs(a, b):

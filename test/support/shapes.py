@@ -6,12 +6,14 @@
 # writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
-
 """Convex and simple polygons for the hard families, and how far one must move to touch another."""
 
 import numpy as np
 
 import oracle
+
+PLUS = np.array([(1, 0), (2, 0), (2, 1), (3, 1), (3, 2), (2, 2), (2, 3), (1, 3), (1, 2), (0, 2),
+                 (0, 1), (1, 1)], float)
 
 
 def convex(batch):

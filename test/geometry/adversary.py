@@ -28,6 +28,7 @@ import numpy as np
 import predictions
 from sat_collision.geometry.compiled.jit import kernel
 import separations
+import shapes
 import steering
 
 STEPS = 2000
@@ -56,8 +57,7 @@ def starts_of(rng, which, count):
         x = _nearly_level(rng, count)
     else:
         angle = np.sort(rng.uniform(0, 2 * np.pi, (count, 4)), axis=1)
-        ring = np.stack([np.cos(angle), np.sin(angle)], axis=2)
-        ring *= rng.uniform(0.01, 1, (count, 1, 2))
+        ring = shapes.at_angles(angle) * rng.uniform(0.01, 1, (count, 1, 2))
         ring += rng.uniform(-1, 1, (count, 1, 2)) * (rng.random((count, 1, 1)) < 0.5)
         x = ring.reshape(count, 8)
     return x
@@ -92,23 +92,9 @@ def score(which, x, share):
 
 def largest(which, evaluations, seed=1, share=1.0):
     """
-    Return the largest error of a filter relative to its bound.
+    Return the largest error of a filter relative to a share of its bound, confirmed in rationals.
 
-    Parameters
-    ----------
-    which : int
-        A filter of `filter_bounds`.
-    evaluations, seed : int
-    share : float, optional
-        Share of the bound that is used instead of it, to test the search.
-
-    Returns
-    -------
-    ratio : float
-        Confirmed in rationals.
-    mistakes : int
-        Inputs on which the filter itself decided wrongly.
-
+    A share below 1 tests the search. Also return on how many inputs the filter decided wrongly.
     """
     rng = np.random.default_rng(seed)
     starts = starts_of(rng, which, max(evaluations // 2 // STEPS, CONFIRMED))
@@ -138,12 +124,11 @@ def main():
         failures += mistakes + (ratio > 1.0)
         print(f'| {name} | {filter_bounds.BOUNDS[which]} | {ratio:.4f} | {mistakes} | '
               f'{arguments.evaluations:.0e} | {time.monotonic() - begun:.0f} |', flush=True)
-    failures += steering.report(arguments.evaluations, arguments.seed)
-    failures += separations.report(arguments.evaluations, arguments.seed)
-    failures += contacts.report(arguments.evaluations, arguments.seed)
-    failures += predictions.report(arguments.evaluations, arguments.seed)
-    failures += frame_chains.report(arguments.evaluations, arguments.seed)
-    failures += metamorphic.report(arguments.pairs, arguments.seed)
+    given = arguments.evaluations, arguments.seed
+    failures += steering.report(*given) + separations.report(*given)
+    failures += steering.report_promises('contact', contacts, *given)
+    failures += steering.report_promises('prediction', predictions, *given)
+    failures += frame_chains.report(*given) + metamorphic.report(arguments.pairs, arguments.seed)
     return int(failures > 0)
 
 

@@ -29,6 +29,7 @@ from sat_collision.geometry.pair.distance import measure_arrays
 from sat_collision.geometry.pair.intersection import arrays_meet
 import separations
 from separations import distance_to_edges, reach_beyond_edges, UNIT
+import shapes
 import steering
 
 NORMAL, POINTS, GAP, WAY_OUT = range(4)
@@ -64,12 +65,10 @@ def packed_body(points):
         for k in range(n):
             part[2 * k:2 * k + 2] = outline[2 * corners[begin + k]:2 * corners[begin + k] + 2]
         _, n, _, _, _ = pack(part, array[start:], n, n)
-        array[HEADER + 2 * i] = start
-        array[HEADER + 2 * i + 1] = n
+        array[HEADER + 2 * i], array[HEADER + 2 * i + 1] = start, n
         start += packed_size(n)
         begin = ends[i]
-    array[0] = start
-    array[1] = start + 2 * count
+    array[0], array[1] = start, start + 2 * count
     array[start:start + 2 * count] = outline
     return Packed(array[:start + 2 * count].copy(), 0, -len(ends))
 
@@ -78,8 +77,7 @@ def packed_body(points):
 def _outside(p, x, y):
     """Return how far a point is outside a body."""
     point = np.empty(packed_size(1))
-    point[HEADER] = x
-    point[HEADER + 1] = y
+    point[HEADER], point[HEADER + 1] = x, y
     least = np.inf
     for i in range(max(1, -p.n)):
         part = convex_part(p, i)
@@ -87,8 +85,7 @@ def _outside(p, x, y):
         first = first_vertex(part)
         inside = part.n > 2
         for k in range(part.n):
-            a = first + 2 * k
-            b = first + 2 * ((k + 1) % part.n)
+            a, b = first + 2 * k, first + 2 * ((k + 1) % part.n)
             inside = inside and orient(v[a], v[a + 1], v[b], v[b + 1], x, y) >= 0
         if inside:
             return 0.0
@@ -113,8 +110,7 @@ def _left_over(p, q, mx, my):
 @kernel
 def _extent(p, q):
     """Return the longer side of the bounding box of two bodies."""
-    a = p.array
-    b = q.array
+    a, b = p.array, q.array
     return max(max(a[4], b[4]) - min(a[2], b[2]), max(a[5], b[5]) - min(a[3], b[3]))
 
 
@@ -128,14 +124,12 @@ def errors(p, q):
              or (value > 0.0 and depth != 0.0) or not max(-value, 0.0) <= depth < np.inf
              or (convex and depth != max(-value, 0.0)) or not 1 <= count <= 2)
     unit = square_root(dot((nx, 0.0), (ny, 0.0), (nx, 0.0), (ny, 0.0)))
-    outside = 0.0
+    outside = aside = 0.0
     least = np.inf
-    aside = 0.0
     for k in range(count):
         ax, ay, bx, by = pairs[k]
         outside = max(outside, _outside(p, ax, ay), _outside(q, bx, by))
-        gx = difference(ax, bx)
-        gy = difference(ay, by)
+        gx, gy = difference(ax, bx), difference(ay, by)
         least = min(least, plus(dot(gx, gy, (nx, 0.0), (ny, 0.0)), (-value, 0.0))[0])
         aside = max(aside, abs(dot(gx, gy, (-ny, 0.0), (nx, 0.0))[0]))
     rounding = UNIT * reach_of(p, q)
@@ -182,19 +176,11 @@ def non_convex(rng, count, n):
     """Return rings around the origin whose vertices alternate between two distances."""
     angle = (np.arange(n) + rng.uniform(0, 0.9, (count, n))) * 2 * np.pi / n
     radius = rng.uniform(0.8, 1.2, (count, n)) * np.where(np.arange(n) % 2, 1.0, 0.4)
-    return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=2)
+    return shapes.at_angles(angle, radius)
 
 
 def largest(which, kind, evaluations, seed=1):
     """Return the largest error relative to its bound, and the number of broken promises."""
     rng = np.random.default_rng(seed)
     starts = starts_of(rng, kind, max(evaluations // STEPS, 10))
-    n = COUNTS[kind][0]
-    found = [steering.climb(score, which, x, n, evaluations // len(starts), rng) for x in starts]
-    return max(ratio for ratio, _ in found), sum(wrong for _, wrong in found)
-
-
-def report(evaluations, seed):
-    """Print a row for each error; return the number of broken promises."""
-    return steering.report_promises('contact', NAMES, BOUNDS, len(COUNTS), largest, evaluations,
-                                    seed)
+    return steering.largest(score, which, starts, COUNTS[kind][0], evaluations, rng)

@@ -22,6 +22,8 @@ from rationals import square_root
 from sat_collision.geometry.body.layout import first_vertex, HEADER, Packed
 from sat_collision.geometry.body.packing import _SHORTER, CONVEX, pack
 from sat_collision.geometry.compiled.jit import kernel
+from sat_collision.geometry.numeric.double_double import (
+    difference, difference_error, product_error)
 from sat_collision.geometry.numeric.predicates import orient, ORIENTATION_BOUND, UNDERFLOW_BOUND
 from sat_collision.geometry.pair.separating_axis import (
     _gap, _rise, _turn, hill_climb, PRODUCT_BOUND, Search, support, SUPPORT_BOUND)
@@ -40,8 +42,7 @@ def evaluate(which, x):
     """
     Return a filter's value, its bound, its error, and whether it is wrong.
 
-    The value is 0 for SCAN, CLIMB and DISC, which compute no sign. The bound is 0 if the input
-    is invalid for the filter.
+    The value is 0 for SCAN, CLIMB and DISC, which compute no sign; the bound, for invalid input.
     """
     if which == ORIENTATION:
         return _orientation(x)
@@ -59,59 +60,30 @@ def evaluate(which, x):
 
 
 @kernel
-def _sum_error(a, b, total):
-    part = total - a
-    return (a - (total - part)) + (b - part)
-
-
-@kernel
-def _product_error(a, b, product):
-    c = 134217729.0 * a
-    a_high = c - (c - a)
-    c = 134217729.0 * b
-    b_high = c - (c - b)
-    a_low = a - a_high
-    b_low = b - b_high
-    return a_low * b_low - (((product - a_high * b_high) - a_low * b_high) - a_high * b_low)
-
-
-@kernel
-def _product_tail(a, a_error, b, b_error):
+def _product(a, b):
     """Return the rounded product of two rounded numbers, and its difference to the true one."""
-    product = a * b
-    return product, _product_error(a, b, product) + (a * b_error + a_error * b
-                                                     + a_error * b_error)
+    product = a[0] * b[0]
+    return product, product_error(a[0], b[0], product) + (a[0] * b[1] + a[1] * b[0] + a[1] * b[1])
 
 
 @kernel
-def two_products(left, left_tail, right, right_tail):
-    """Return a rounded sum of two products, the sum of magnitudes, and its error."""
-    value = left + right
-    return (value, abs(left) + abs(right),
-            -(_sum_error(left, right, value) + (left_tail + right_tail)))
-
-
-@kernel
-def difference(a, b):
-    """Return a - b rounded, and the rest."""
-    value = a - b
-    return value, _sum_error(a, -b, value)
+def _sum_of_products(left, right):
+    """Return a rounded sum, the sum of magnitudes, and its error."""
+    value = left[0] + right[0]
+    return (value, abs(left[0]) + abs(right[0]),
+            -(difference_error(left[0], -right[0], value) + (left[1] + right[1])))
 
 
 @kernel
 def cross(ax, ay, bx, by):
     """Return value, size and error of a cross product of differences, each with its tail."""
-    left, left_tail = _product_tail(ax[0], ax[1], by[0], by[1])
-    right, right_tail = _product_tail(ay[0], ay[1], bx[0], bx[1])
-    return two_products(left, left_tail, -right, -right_tail)
+    return _sum_of_products(_product(ax, by), _product((-ay[0], -ay[1]), bx))
 
 
 @kernel
 def along(dx, dy, ux, uy):
     """Return value, size and error of a difference's component along an axis."""
-    left, left_tail = _product_tail(dx[0], dx[1], ux, 0.0)
-    right, right_tail = _product_tail(dy[0], dy[1], uy, 0.0)
-    return two_products(left, left_tail, right, right_tail)
+    return _sum_of_products(_product(dx, (ux, 0.0)), _product(dy, (uy, 0.0)))
 
 
 @kernel
@@ -146,13 +118,19 @@ def _of_rise(x):
 
 
 @kernel
-def _reach(x, start, end):
-    """Return |ux| max|x| + |uy| max|y| of the vertices from start to end; u comes first."""
-    most_x = 0.0
-    most_y = 0.0
+def _most(x, start, end):
+    """Return max|x| and max|y| of the vertices from start to end."""
+    most_x = most_y = 0.0
     for k in range(start, end, 2):
         most_x = max(most_x, abs(x[k]))
         most_y = max(most_y, abs(x[k + 1]))
+    return most_x, most_y
+
+
+@kernel
+def _reach(x, start, end):
+    """Return |ux| max|x| + |uy| max|y| of the vertices from start to end; u comes first."""
+    most_x, most_y = _most(x, start, end)
     return abs(x[0]) * most_x + abs(x[1]) * most_y
 
 
@@ -183,17 +161,11 @@ def _scan(x):
 
 @kernel
 def _of_gap(x):
-    ux = x[0]
-    uy = x[1]
+    ux, uy = x[0], x[1]
     i = support(_packed(x, 2, 8), ux, uy) - HEADER + 2
     j = support(_packed(x, 8, 14), -ux, -uy) - HEADER + 8
-    most_x = 0.0
-    most_y = 0.0
-    for k in range(2, 14, 2):
-        most_x = max(most_x, abs(x[k]))
-        most_y = max(most_y, abs(x[k + 1]))
-    wx = difference(x[j], x[i])
-    wy = difference(x[j + 1], x[i + 1])
+    most_x, most_y = _most(x, 2, 14)
+    wx, wy = difference(x[j], x[i]), difference(x[j + 1], x[i + 1])
     value, size, error = along(wx, wy, ux, uy)
     error += _shortfall(x, 2, 8, i, ux, uy) + _shortfall(x, 8, 14, j, -ux, -uy)
     bound = (PRODUCT_BOUND * size + SUPPORT_BOUND * (abs(ux) * most_x + abs(uy) * most_y)
@@ -208,9 +180,7 @@ def is_convex(x, start, end):
     n = (end - start) // 2
     rounds = 0
     for k in range(n):
-        a = start + 2 * k
-        b = start + 2 * ((k + 1) % n)
-        c = start + 2 * ((k + 2) % n)
+        a, b, c = start + 2 * k, start + 2 * ((k + 1) % n), start + 2 * ((k + 2) % n)
         if orient(x[a], x[a + 1], x[b], x[b + 1], x[c], x[c + 1]) <= 0:
             return False
         rounds += x[b + 1] < x[a + 1] and x[b + 1] <= x[c + 1]
@@ -242,19 +212,17 @@ def _disc(x):
     # The distance of the nearest edge beyond the radius, in terms that lose no digits.
     spare = np.inf
     for k in range(4):
-        a = HEADER + 2 * k
-        b = HEADER + 2 * ((k + 1) % 4)
-        ex = difference(packed[b], packed[a])
-        ey = difference(packed[b + 1], packed[a + 1])
+        a, b = HEADER + 2 * k, HEADER + 2 * ((k + 1) % 4)
+        ex, ey = difference(packed[b], packed[a]), difference(packed[b + 1], packed[a + 1])
         value, _, error = cross(ex, ey, difference(packed[0], packed[a]),
                                 difference(packed[1], packed[a + 1]))
         size = np.sqrt(ex[0] * ex[0] + ey[0] * ey[0])
         square, _, square_error = along(ex, ey, ex[0], ey[0])
         head = size * size
-        size_tail = ((square - head - _product_error(size, size, head) - square_error
+        size_tail = ((square - head - product_error(size, size, head) - square_error
                       + ex[0] * ex[1] + ey[0] * ey[1]) / (2.0 * size))
         product = radius * size
-        spare = min(spare, ((value - product) - _product_error(radius, size, product)
+        spare = min(spare, ((value - product) - product_error(radius, size, product)
                             - radius * size_tail - error) / size)
     return 0.0, shorter, max(shorter - spare, 0.0), False
 

@@ -30,7 +30,6 @@ BOUNDS = '2⁻⁴⁴ M', 'max(tolerance, 2⁻²⁵ a T²) + 2⁻⁴⁰ M'
 COUNTS = (1, 2), (2, 2), (3, 4), (4, 8), (8, 8)
 STEPS = 2000
 TOLERANCE = 1e-3
-UNIT = 2.0 ** -53
 _NUMBERS = 6
 _SAMPLES = 8
 _LEAST = 5e-324
@@ -47,12 +46,10 @@ def _way(speed, horizon):
 def _moved(points, vx, vy, omega, time):
     """Return points moved by a twist about (0, 0)."""
     angle = omega * time
-    c = np.cos(angle)
-    s = np.sin(angle)
+    c, s = np.cos(angle), np.sin(angle)
     ahead = s / angle if angle != 0.0 else 1.0
     aside = 2.0 * np.sin(angle / 2.0) * (np.sin(angle / 2.0) / angle) if angle != 0.0 else 0.0
-    x = vx * time
-    y = vy * time
+    x, y = vx * time, vy * time
     moved = np.empty(len(points))
     for k in range(0, len(points), 2):
         moved[k] = points[k] * c - points[k + 1] * s + (x * ahead - y * aside)
@@ -85,8 +82,7 @@ def score(which, x, n):
     others = x[2 * n + _NUMBERS:]
     if not horizon > 0.0:
         return -1.0, False
-    a = packed_body(points)
-    b = packed_body(others)
+    a, b = packed_body(points), packed_body(others)
     if a.n == 0 or b.n == 0:
         return -1.0, False
     wx, wy, turn = _way(vx, horizon), _way(vy, horizon), _way(omega, horizon)
@@ -152,12 +148,4 @@ def largest(which, kind, evaluations, seed=1):
     """Return the largest error relative to its bound, and the number of broken promises."""
     rng = np.random.default_rng(seed)
     starts = starts_of(rng, kind, max(evaluations // STEPS, 20))
-    found = [steering.climb(score, which, x, COUNTS[kind][0], evaluations // len(starts), rng)
-             for x in starts]
-    return max(ratio for ratio, _ in found), sum(wrong for _, wrong in found)
-
-
-def report(evaluations, seed):
-    """Print a row for each error; return the number of broken promises."""
-    return steering.report_promises('prediction', NAMES, BOUNDS, len(COUNTS), largest, evaluations,
-                                    seed)
+    return steering.largest(score, which, starts, COUNTS[kind][0], evaluations, rng)

@@ -40,21 +40,15 @@ _UNMOVED = (0.0, 0.0)
 @kernel
 def distance_to_edges(p, q, least):
     """Return the distance of the nearest vertex of Q and edge of P, if it is smaller."""
-    v = p.array
-    w = q.array
-    first = first_vertex(p)
-    other = first_vertex(q)
+    v, w = p.array, q.array
+    first, other = first_vertex(p), first_vertex(q)
     for i in range(p.n):
-        a = first + 2 * i
-        b = first + 2 * ((i + 1) % p.n)
-        ex = difference(v[b], v[a])
-        ey = difference(v[b + 1], v[a + 1])
+        a, b = first + 2 * i, first + 2 * ((i + 1) % p.n)
+        ex, ey = difference(v[b], v[a]), difference(v[b + 1], v[a + 1])
         ex, ey = scaled(ex, ey, scale_to_one(max(abs(ex[0]), abs(ey[0]))))
         for j in range(other, other + 2 * q.n, 2):
-            ax = difference(w[j], v[a])
-            ay = difference(w[j + 1], v[a + 1])
-            bx = difference(w[j], v[b])
-            by = difference(w[j + 1], v[b + 1])
+            ax, ay = difference(w[j], v[a]), difference(w[j + 1], v[a + 1])
+            bx, by = difference(w[j], v[b]), difference(w[j + 1], v[b + 1])
             found = root(dot(ax, ay, ax, ay))
             if dot(ax, ay, ex, ey)[0] > 0.0:
                 found = root(dot(bx, by, bx, by))
@@ -69,20 +63,12 @@ def distance_to_edges(p, q, least):
 
 @kernel
 def reach_beyond_edges(p, q, least, mx, my):
-    """
-    Return the smallest reach of Q beyond an edge of P, if it is smaller.
-
-    Q is moved by m.
-    """
-    v = p.array
-    w = q.array
-    first = first_vertex(p)
-    other = first_vertex(q)
+    """Return the smallest reach of Q, moved by m, beyond an edge of P, if it is smaller."""
+    v, w = p.array, q.array
+    first, other = first_vertex(p), first_vertex(q)
     for i in range(p.n if p.n > 1 else 0):
-        a = first + 2 * i
-        b = first + 2 * ((i + 1) % p.n)
-        ex = difference(v[b], v[a])
-        ey = difference(v[b + 1], v[a + 1])
+        a, b = first + 2 * i, first + 2 * ((i + 1) % p.n)
+        ex, ey = difference(v[b], v[a]), difference(v[b + 1], v[a + 1])
         ex, ey = scaled(ex, ey, scale_to_one(max(abs(ex[0]), abs(ey[0]))))
         greatest = (-np.inf, 0.0)
         for j in range(other, other + 2 * q.n, 2):
@@ -99,10 +85,8 @@ def reach_beyond_edges(p, q, least, mx, my):
 @kernel
 def _gap_along(p, q, ux, uy):
     """Return the gap of P and Q along an axis, negative if their projections overlap."""
-    v = p.array
-    w = q.array
-    first = first_vertex(p)
-    other = first_vertex(q)
+    v, w = p.array, q.array
+    first, other = first_vertex(p), first_vertex(q)
     least = (np.inf, 0.0)
     for i in range(first, first + 2 * p.n, 2):
         for j in range(other, other + 2 * q.n, 2):
@@ -120,8 +104,7 @@ def error(which, p, q):
     ax, ay, bx, by, ux, uy = points
     reach = reach_of(p, q)
     if which == WAY:
-        mx = difference(bx, ax)
-        my = difference(by, ay)
+        mx, my = difference(bx, ax), difference(by, ay)
         found = root(dot(mx, my, mx, my))
         return abs(plus(found, (-abs(value), 0.0))[0]), 6.0 * UNIT * reach
     if which == AXIS:
@@ -144,8 +127,7 @@ def error(which, p, q):
 def score(which, x, n):
     """Return the error for bodies of n vertices and the rest relative to its bound."""
     m = len(x) // 2 - n
-    a = np.empty(packed_size(n))
-    b = np.empty(packed_size(m))
+    a, b = np.empty(packed_size(n)), np.empty(packed_size(m))
     if not (steering.are_between(x, -1.0, 1e60) and steering.pack_both(x, n, a, b)):
         return -1.0, False
     wrong_by, bound = error(which, Packed(a, 0, n), Packed(b, 0, m))

@@ -51,13 +51,10 @@ def _danger(value, bound, error):
 def _of_orientations(p, q):
     """Return the greatest danger of an orientation of an edge of P and a vertex of Q."""
     greatest = 0.0
-    first = first_vertex(p)
-    other = first_vertex(q)
-    v = p.array
-    w = q.array
+    first, other = first_vertex(p), first_vertex(q)
+    v, w = p.array, q.array
     for i in range(p.n):
-        a = first + 2 * i
-        b = first + 2 * ((i + 1) % p.n)
+        a, b = first + 2 * i, first + 2 * ((i + 1) % p.n)
         for c in range(other, other + 2 * q.n, 2):
             value, size, error = cross(difference(v[a], w[c]), difference(v[b + 1], w[c + 1]),
                                        difference(v[a + 1], w[c + 1]), difference(v[b], w[c]))
@@ -72,8 +69,7 @@ def _of_rises(p, ux, uy):
     first = first_vertex(p)
     v = p.array
     for i in range(p.n):
-        a = first + 2 * i
-        b = first + 2 * ((i + 1) % p.n)
+        a, b = first + 2 * i, first + 2 * ((i + 1) % p.n)
         value, size, error = along(difference(v[b], v[a]), difference(v[b + 1], v[a + 1]), ux, uy)
         greatest = max(greatest, _danger(value, PRODUCT_BOUND * size, error))
     return greatest
@@ -92,10 +88,8 @@ def danger(which, p, q):
     for _ in range(8):
         if verdict != OPEN:
             break
-        ux = search.ux
-        uy = search.uy
-        i = support(p, ux, uy)
-        j = support(q, -ux, -uy)
+        ux, uy = search.ux, search.uy
+        i, j = support(p, ux, uy), support(q, -ux, -uy)
         if which == RISE:
             greatest = max(greatest, _of_rises(p, ux, uy), _of_rises(q, ux, uy))
         elif i >= 0 and j >= 0:
@@ -142,8 +136,7 @@ def climb(score, which, x, shape, steps, random):
 
     `score(which, x, shape)` returns the score, which changes must not lessen, and a mistake.
     """
-    best = -1.0
-    mistakes = 0
+    best, mistakes = -1.0, 0
     kept = x.copy()
     for step in range(steps):
         if step > 0:
@@ -175,16 +168,12 @@ def steer(which, x, n, steps, random):
     Returns the danger, the number of proved verdicts on the way, and how many were wrong.
     """
     m = len(x) // 2 - n
-    a = np.empty(packed_size(n))
-    b = np.empty(packed_size(m))
+    a, b = np.empty(packed_size(n)), np.empty(packed_size(m))
     bits = x.view(np.int64)
-    best = 0.0
+    best, proved, wrong = 0.0, 0, 0
     kept = x.copy()
-    proved = 0
-    wrong = 0
     # Steps are about as large as the last successful one, and become smaller.
-    exponent = _LARGEST_STEP
-    power = exponent
+    exponent = power = _LARGEST_STEP
     for step in range(steps):
         if step > 0:
             k = random.integers(0, len(x))
@@ -193,8 +182,7 @@ def steer(which, x, n, steps, random):
             bits[k] += move if random.random() < 0.5 else -move
         found = -1.0
         if pack_both(x, n, a, b):
-            p = Packed(a, 0, n)
-            q = Packed(b, 0, m)
+            p, q = Packed(a, 0, n), Packed(b, 0, m)
             found = 0.0
             if not boxes_apart(p, q):
                 found = danger(which, p, q)
@@ -219,16 +207,14 @@ def steer(which, x, n, steps, random):
 def decide(x, n):
     """Return the answer for the bodies in x."""
     m = len(x) // 2 - n
-    a = np.empty(packed_size(n))
-    b = np.empty(packed_size(m))
+    a, b = np.empty(packed_size(n)), np.empty(packed_size(m))
     pack_both(x, n, a, b)
     return convex_meet(Packed(a, 0, n), Packed(b, 0, m))
 
 
 def starts_of(rng, count, n, m):
     """Return near pairs of n and m vertices, some of them far from the origin."""
-    a = shapes.polygons(rng, count, n)
-    b = shapes.polygons(rng, count, m)
+    a, b = shapes.polygons(rng, count, n), shapes.polygons(rng, count, m)
     gap = np.where(rng.random(count) < 0.5, families._hairs(rng, count), rng.normal(0, 0.1, count))
     a, b = families._placed_arrays(rng, count, n, gap, a, b)
     offset = (rng.normal(size=(count, 1, 2))
@@ -240,16 +226,9 @@ def at_the_edge(which, n, m, evaluations, seed=1):
     """
     Steer pairs of n and m vertices to a filter's limit, and on to large errors.
 
-    Returns
-    -------
-    arrived : float
-        The share of starts from which the limit was reached.
-    ratio : float
-        The largest error there, relative to the bound.
-    proved, wrong : int
-        How many verdicts the filters proved, and how many of them, or of the final answers,
-        were wrong.
-
+    Return the share of starts from which the limit was reached; the largest error there, relative
+    to the bound; how many verdicts the filters proved; and how many of these, or of the final
+    answers, were wrong.
     """
     rng = np.random.default_rng(seed)
     starts = starts_of(rng, max(evaluations // STEPS, 10), n, m)
@@ -261,19 +240,22 @@ def at_the_edge(which, n, m, evaluations, seed=1):
             int(found[:, 2].sum() + wrong))
 
 
-def report_promises(subject, names, bounds, kinds, largest, evaluations, seed):
-    """
-    Print a row for each error of a subject; return the number of broken promises.
+def largest(score, which, starts, shape, evaluations, rng):
+    """Climb from all starts; return the largest score and the number of mistakes."""
+    steps = evaluations // len(starts)
+    found, mistakes = zip(*(climb(score, which, x, shape, steps, rng) for x in starts))
+    return max(found), sum(mistakes)
 
-    `largest` takes the number of an error, that of a kind of start, evaluations and seed, and
-    returns the largest error relative to its bound, and how many promises were broken.
-    """
+
+def report_promises(subject, search, evaluations, seed):
+    """Print a row for each error that a module searches; return the number of broken promises."""
     print(f'\n| of a {subject} | bound | largest error / bound | wrong | evaluations |\n'
           '|---|---|---|---|---|')
-    share = evaluations // len(names)
+    kinds = len(search.COUNTS)
+    share = evaluations // len(search.NAMES)
     failures = 0
-    for which, (name, bound) in enumerate(zip(names, bounds)):
-        ratios, wrong = zip(*(largest(which, kind, share // kinds, seed)
+    for which, (name, bound) in enumerate(zip(search.NAMES, search.BOUNDS)):
+        ratios, wrong = zip(*(search.largest(which, kind, share // kinds, seed)
                               for kind in range(kinds)))
         failures += sum(wrong)
         print(f'| {name} | {bound} | {max(ratios):.4f} | {sum(wrong)} | {share:.1e} |',
@@ -290,7 +272,7 @@ def report(evaluations, seed):
         rows = [at_the_edge(which, n, m, evaluations // len(COUNTS), seed) for n, m in COUNTS]
         arrived, ratio, proved, wrong = np.array(rows).T
         total += int(wrong.sum())
-        largest = '' if which == DISC else f'{ratio.max():.4f}'
-        print(f'| {name} | {100 * arrived.mean():.0f} % | {largest} | '
+        found = '' if which == DISC else f'{ratio.max():.4f}'
+        print(f'| {name} | {100 * arrived.mean():.0f} % | {found} | '
               f'{proved.sum() / 1e6:.1f}e6 | {wrong.sum():.0f} | {evaluations:.0e} |', flush=True)
     return total

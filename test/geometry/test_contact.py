@@ -154,13 +154,6 @@ def test_offset_almost_along_an_edge_ends_all_overlaps():
     assert left <= 2 ** -46 * reach_of(a, b)
 
 
-def test_corner_on_corner_has_a_normal_that_separates():
-    """It is one of many."""
-    found = check(Polygon(box(0, 0)), Polygon(box(1, 1)))
-    assert found.points_a.tolist() == found.points_b.tolist() == [[1, 1]]
-    assert not overlap_once_moved(Polygon(box(0, 0)), Polygon(box(1, 1)), *found.normal.tolist())
-
-
 def test_points_of_facing_edges_and_of_a_vertex():
     """Two points if edges face each other, otherwise one."""
     apart = check(Polygon(box(0, 0)), Polygon(box(1.5, 0.25)))
@@ -227,8 +220,7 @@ def test_depth_of_convex_bodies_is_the_shortest_offset(name):
 
 def star(n, inner):
     angle = np.arange(n) * 2 * np.pi / n
-    radius = np.where(np.arange(n) % 2, 4.0, 4.0 * inner)
-    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
+    return shapes.at_angles(angle, np.where(np.arange(n) % 2, 4.0, 4.0 * inner))
 
 
 NOTCHED = [L_SHAPE, U_SHAPE, shapes.PLUS, np.array([(0, 0), (4, 0), (1, 1), (0, 4)]),
@@ -339,8 +331,7 @@ def test_depth_in_a_corner_leaves_both_walls():
 @pytest.mark.parametrize('arm', [1.0, 10.0, 50.0])
 def test_vertices_that_become_one_by_rounding_are_no_side(arm):
     """A circle whose last point almost is the first one, and a wall that is long beside that."""
-    angles = np.linspace(0.0, 2 * np.pi, 17)
-    circle = np.column_stack([np.cos(angles), np.sin(angles)])
+    circle = shapes.at_angles(np.linspace(0.0, 2 * np.pi, 17))
     wall = [(-arm, -arm), (arm, -arm), (arm, -0.5), (-0.5, -0.5), (-0.5, arm), (-arm, arm)]
     a, b = Polygon(circle), Polygon(wall)
     assert len(a.vertices) == 17

@@ -6,24 +6,25 @@
 # writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
-"""Packing polygons for kernels, and moving them."""
+"""Packing polygons for kernels, and moving them, also through chains of frames."""
 
 from fractions import Fraction
 
 from compiled import callable_here
 import families
+import frame_chains
 import numpy as np
 import oracle
 import pytest
-from rationals import twice_area
+from rationals import rounded, twice_area
 from sat_collision import intersects, Polygon
 from sat_collision.geometry.body import layout
-from sat_collision.geometry.body.layout import (
-    BOUNDS, Packed, packed_size)
+from sat_collision.geometry.body.layout import BOUNDS, Packed, packed_size
 from sat_collision.geometry.body.packing import moved_points, pack_convex, PAIR, TRIPLE
 from sat_collision.geometry.body.polygon import UNMOVED
 from sat_collision.geometry.compiled.jit import indexable
 from sat_collision.geometry.sets.packed_set import PackedSet
+from sat_collision.scene.rotations import accepted, affine_of, composed, fixed
 import shapes
 
 CONVEX = {**families.CONVEX, **families.EXTREME}
@@ -109,8 +110,7 @@ def test_large_bodies_are_recognised_as_equal(corner):
 
 
 # Except for coordinates that float32 cannot hold.
-ALL = {name: family for name, family in {**families.CONVEX, **families.SIMPLE}.items()
-       if name != 'extreme_scales'}
+ALL = {name: family for name, family in families.ALL.items() if name != 'extreme_scales'}
 U = Fraction(1, 2**53)
 
 
@@ -129,11 +129,7 @@ def message(ring):
     return b'head' + points.tobytes(), 4, len(points)
 
 
-def received(ring):
-    return np.asarray(ring).astype(np.float32).astype(float).tolist()
-
-
-def rounded(value):
+def to_double(value):
     """Return the double nearest to a rational, as a rational."""
     return Fraction(float(value))
 
@@ -143,11 +139,11 @@ def moved_by_rationals(ring, affine):
     a, b, c, d, e, f = map(Fraction, affine)
     points = []
     worst = Fraction(0)
-    for x, y in received(ring):
+    for x, y in np.asarray(ring).astype(np.float32).astype(float).tolist():
         x, y = Fraction(x), Fraction(y)
         point = []
         for p, q, r in ((a, b, c), (d, e, f)):
-            found = rounded(rounded(rounded(p * x) + rounded(q * y)) + r)
+            found = to_double(to_double(to_double(p * x) + to_double(q * y)) + r)
             bound = U * abs(found) + (2 * U + U * U) * (abs(p * x) + abs(q * y))
             bound += Fraction(1, 2**1073)
             worst = max(worst, abs(found - (p * x + q * y + r)) / bound)
@@ -260,3 +256,49 @@ def test_points_beyond_the_bytes_are_an_error(start, count):
 def test_limit_of_vertices_has_to_be_an_integer():
     with pytest.raises(TypeError, match='True is not an integer'):
         Polygon.from_float32(*message([(0, 0), (2, 0), (2, 1)]), True)
+
+
+@pytest.mark.parametrize('name', frame_chains.CHAINS)
+def test_error_of_a_chain_of_frames_is_within_lemma_24(name):
+    """A short search, which would find half the bound wrong; `make adversary` runs a long one."""
+    ratios = [frame_chains.largest(name, 2000, seed) for seed in (1, 2)]
+    assert max(ratios) <= 1.0 and ratios[0] > 0.3 and ratios[1] > 0.5
+
+
+def test_robot_and_fixed_frame_in_utm():
+    """Both are 5,000 km from the origin and a few metres apart."""
+    robot = (448265.62, 5411930.91, 117.0, 0.0, 0.0, 0.6, 0.8)
+    fixed_frame = (448262.37, 5411932.68, 117.2, 0.0, 0.0, 0.28, 0.96)
+    ratio = frame_chains.evaluate('both under UTM',
+                                  np.array([*robot, *fixed_frame, 1.5, -0.25]))
+    (x, y, _), _, w = frame_chains.moved([robot], [fixed_frame], (1.5, -0.25))
+    assert 3.0 < abs(x / w) + abs(y / w) < 6.0 and ratio <= 1.0
+
+
+def test_oracle_of_rotations():
+    """A quarter turn to the left by a quaternion of length 2, then 10 m along x."""
+    (x, y, _), origin, w = frame_chains.moved(
+        [(10.0, 0.0, 0.0, 0.0, 0.0, 2.0, 2.0)], [(0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0)],
+        (3.0, 4.0))
+    assert (Fraction(x, w), Fraction(y, w)) == (-6, -2)
+    assert (Fraction(origin[0], w), Fraction(origin[1], w)) == (-10, 1)
+
+
+@pytest.mark.parametrize('length', (1e-300, 1e-9, 0.3, 0.99, 1.0, 1.5, 7.0, 1e200))
+def test_quaternions_are_normalised(length):
+    """As in tf2; `static_transform_publisher --qz 0.7 --qw 0.7` sends such ones."""
+    found = accepted((1.0, 2.0, 3.0, 0.0, 0.0, 0.7 * length, 0.7 * length))
+    quarter = 0.0, -1.0, 1.0, 1.0, 0.0, 2.0
+    assert affine_of(fixed(found)) == pytest.approx(quarter, abs=2.0 ** -60)
+    assert rounded(fixed(found))[5:] == pytest.approx((0.5 ** 0.5, 0.5 ** 0.5))
+
+
+@pytest.mark.parametrize('length', (1 + 4e-10, 1.3, 0.8))
+def test_ten_thousand_frames_in_a_chain_do_not_scale(length):
+    """With quaternions of length 1, nearly 1, or other lengths."""
+    pose = step = fixed(accepted((0.0, 0.0, 0.0, 0.0, 0.0, 0.6 * length, 0.8 * length)))
+    for _ in range(9_999):
+        pose = composed(step, pose)
+    a, b, _, d, e, _ = affine_of(pose)
+    assert a * a + b * b == pytest.approx(1.0, abs=1e-15) and (a, b) == (e, -d)
+    assert max(part.bit_length() for part in pose) <= 130

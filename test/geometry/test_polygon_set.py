@@ -24,6 +24,8 @@ from sat_collision.geometry.sets.run import IN_ONE_MESSAGE
 import shapely
 import shapes
 
+SQUARE = [(0, 0), (1, 0), (1, 1), (0, 1)]
+
 
 def test_random_changes_of_a_set():
     """Bodies are appended, replaced by larger and smaller ones, and removed."""
@@ -56,9 +58,7 @@ def test_random_changes_of_a_set():
 
 def test_memory_is_bounded_while_bodies_are_replaced():
     rng = np.random.default_rng(2)
-    sizes = (3, 40, 7, 120)
-    circles = [Polygon(np.column_stack([np.cos(a), np.sin(a)]))
-               for a in (np.linspace(0, 6, n) for n in sizes)]
+    circles = [Polygon(shapes.at_angles(np.linspace(0, 6, n))) for n in (3, 40, 7, 120)]
     bodies = PolygonSet(circles[i % 4] for i in range(10))
     for i in range(1000):
         bodies.replace(i % 10, circles[rng.integers(4)])
@@ -107,19 +107,17 @@ def test_unchanged_body_is_recognised():
 
 def test_hidden_rows_have_no_contacts_until_placed():
     """No other body is given their rows."""
-    square = [(0, 0), (1, 0), (1, 1), (0, 1)]
-    bodies = PackedSet([square, square, square])
+    bodies = PackedSet([SQUARE] * 3)
     bodies.hide(indexable(np.array([0, -1, 2])))
-    assert bodies.intersecting_rows(square).tolist() == [1]
-    assert bodies.append(square) == 3
-    bodies.place(2, Polygon(square).packed, bodies)
-    assert bodies.intersecting_rows(square).tolist() == [1, 2, 3]
+    assert bodies.intersecting_rows(SQUARE).tolist() == [1]
+    assert bodies.append(SQUARE) == 3
+    bodies.place(2, Polygon(SQUARE).packed, bodies)
+    assert bodies.intersecting_rows(SQUARE).tolist() == [1, 2, 3]
 
 
 def test_rows_keep_their_space_while_the_set_grows():
     """Those that are hidden, or wait for their first body; those that were removed may lose it."""
-    square = [(0, 0), (1, 0), (1, 1), (0, 1)]
-    bodies = PackedSet([square] * 3)
+    bodies = PackedSet([SQUARE] * 3)
     bodies.hide(indexable(np.array([0])))
     bodies.remove(2)
     waiting, = bodies.new_rows(np.array([50]))
@@ -127,7 +125,7 @@ def test_rows_keep_their_space_while_the_set_grows():
         bodies.append([(k, 5), (k + 1, 5), (k, 6)])
     assert [int(bodies._rows.space[row]) for row in (0, 1, waiting)] == packed_sizes(
         np.array([4, 4, 50])).tolist()
-    assert bodies.intersecting_rows(square).tolist() == [1]
+    assert bodies.intersecting_rows(SQUARE).tolist() == [1]
 
 
 def test_runs_take_the_same_polygons_as_are_taken_one_by_one():
@@ -179,37 +177,20 @@ def test_run_with_a_workspace_that_is_too_small_is_refused():
     assert bodies.place_run((*polygons, 3, workspace(3)), *where) == 1
 
 
-@pytest.mark.parametrize('row', [1.0, True, np.True_])
-@pytest.mark.parametrize('use', [lambda bodies, row: bodies.replace(row, [(0, 0)]),
-                                 PolygonSet.remove, PolygonSet.polygon])
-def test_rows_that_are_no_integers_are_refused(use, row):
-    with pytest.raises(TypeError, match='integer'):
-        use(PolygonSet([[(0, 0)], [(1, 1)]]), row)
-
-
-@pytest.mark.parametrize('row', [2, 9, 100000, -1, -2])
-@pytest.mark.parametrize('use', [lambda bodies, row: bodies.replace(row, [(0, 0)]),
-                                 PolygonSet.remove, PolygonSet.polygon])
-def test_invalid_rows_are_refused(use, row):
-    """The set does not change."""
+@pytest.mark.parametrize('row, error, words', [
+    *((row, TypeError, 'integer') for row in (1.0, True, np.True_)),
+    *((row, IndexError, f'no row {row} in a set of 2 rows') for row in (2, 9, 100000, -1, -2)),
+    pytest.param(0, IndexError, 'row 0 of a set of 2 rows has no body', id='removed')])
+@pytest.mark.parametrize('use', [
+    lambda bodies, row: bodies.replace(row, [(0, 0)]), PolygonSet.remove, PolygonSet.polygon])
+def test_invalid_rows_are_refused(use, row, error, words):
+    """The set does not change; a row removed twice is reused once."""
     bodies = PolygonSet([[(0, 0)], [(1, 1)]])
-    with pytest.raises(IndexError, match=f'no row {row} in a set of 2 rows'):
+    bodies.remove(np.int32(0))
+    with pytest.raises(error, match=words):
         use(bodies, row)
-    assert bodies.intersects([(0, 0), (1, 1)]).tolist() == [True, True]
-
-
-def test_removed_rows_are_refused():
-    """A row removed twice is reused once."""
-    bodies = PolygonSet([[(0, 0)], [(1, 1)]])
-    bodies.remove(0)
-    for use in (PolygonSet.remove, PolygonSet.polygon,
-                lambda bodies, row: bodies.replace(row, [(0, 0)])):
-        with pytest.raises(IndexError, match='row 0 of a set of 2 rows has no body'):
-            use(bodies, 0)
-    assert [bodies.append([(2, 2)]), bodies.append([(3, 3)])] == [0, 2]
-    assert len(bodies) == 3
-    bodies.remove(np.int32(2))
-    assert bodies.intersecting_rows([(0, 0), (4, 4)]).tolist() == [0, 1]
+    assert bodies.intersects([(0, 0), (1, 1)]).tolist() == [False, True]
+    assert [bodies.append([(2, 2)]), bodies.append([(3, 3)])] == [0, 2] and len(bodies) == 3
 
 
 def test_refused_body_changes_nothing():
@@ -246,9 +227,8 @@ def test_pairs_with_few_and_many_vertices():
     def body(_):
         if rng.random() < 0.2:
             return random_body(rng)
-        angles = np.linspace(0, 2 * np.pi, rng.choice([3, 16, 17, 40, 129, 300]), endpoint=False)
-        return Polygon(rng.uniform(0, 20, 2) + rng.uniform(1, 8) * np.column_stack(
-            [np.cos(angles), np.sin(angles)]))
+        ring = shapes.regular(rng, 1, rng.choice([3, 16, 17, 40, 129, 300]))[0]
+        return Polygon(rng.uniform(0, 20, 2) + rng.uniform(1, 8) * ring)
 
     a, b = (list(map(body, range(700))) for _ in range(2))
     expected = np.array([intersects(p, q) for p, q in zip(a, b)])
@@ -300,25 +280,13 @@ def test_nearest_and_within_a_margin():
     assert apart == {True, False}
 
 
-def test_margin_is_inclusive():
-    """A box exactly a margin away is within it."""
-    bodies = PolygonSet([Polygon([(1.25, 0), (2, 0), (2, 1), (1.25, 1)])])
-    footprint = Polygon([(0, 0), (1, 0), (1, 1), (0, 1)])
-    assert bodies.rows_within(footprint, 0.25).tolist() == [0]
-    assert bodies.rows_within(footprint, np.nextafter(0.25, 0)).tolist() == []
-
-
-def regular(rng, count, n):
-    angles = np.linspace(0, 2 * np.pi, n, endpoint=False)
-    return rng.uniform(0, 50, (count, 1, 2)) + np.column_stack([np.cos(angles), np.sin(angles)])
-
-
 @pytest.mark.parametrize('number', [np.float64, np.float32, np.int16, object])
 @pytest.mark.parametrize('n', [1, 2, 3, 17, 300])
 def test_sets_from_an_array(number, n):
     """As one by one, with and without z."""
     rng = np.random.default_rng(6)
-    points = (100 * regular(rng, 40, n)).astype(number)
+    points = 100 * (rng.uniform(0, 50, (40, 1, 2)) + shapes.regular(rng, 40, n))
+    points = points.astype(number)
     points[:n] += points[:n, ::-1]
     try:
         expected = PolygonSet(list(points))
@@ -355,7 +323,7 @@ def test_sets_from_a_ragged_array():
     assert len(PolygonSet.from_array(np.empty((0, 2)), [0])) == 0
 
 
-SQUARES = np.array([[(0, 0), (1, 0), (1, 1), (0, 1)]] * 5, float)
+SQUARES = np.array([SQUARE] * 5, float)
 BOW_TIE = np.insert(SQUARES, 3, [(0, 0), (1, 1), (1, 0), (0, 1)], axis=0)
 NOT_FINITE = np.where(np.arange(5)[:, None, None] == 2, np.nan, SQUARES)
 
@@ -373,7 +341,7 @@ NOT_FINITE = np.where(np.arange(5)[:, None, None] == 2, np.nan, SQUARES)
     ((np.empty((4, 0, 2)),), 'body 0: no points'),
     ((np.empty((0, 2)), [0, 0]), 'body 0: no points'),
     ((SQUARES[0], [0, 3, 3]), 'body 1: no points'),
-    ((regular(np.random.default_rng(0), 3, 1025),), 'body 0: 1025 vertices, but at most 1024'),
+    ((shapes.regular(np.random.default_rng(0), 3, 1025),), 'body 0: 1025 vertices, .* 1024'),
     (([[(0, 0)], [(0, 0), (1, 1)]],), 'not an array: .*inhomogeneous'),
     ((np.empty((3, 4, 0)),), r'an array of shape \(3, 4, 0\)'),
     ((SQUARES[0],), r'an array of shape \(4, 2\), expected \(m, n, 2\)'),

@@ -48,16 +48,20 @@ def hull(points):
     return points[chains or [0]]
 
 
+def at_angles(angle, radius=1.0):
+    """Return points (..., 2) around the origin."""
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
+
+
 def directions(rng, count):
-    angle = rng.uniform(0, 2 * np.pi, count)
-    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return at_angles(rng.uniform(0, 2 * np.pi, count))
 
 
 def regular(rng, count, n, spread=0.0):
     """Return (count, n, 2) points on the unit circle, evenly spaced up to a random spread."""
     angle = 2 * np.pi / n * (np.arange(n) + rng.uniform(0, 1, (count, 1))
                              + spread * rng.uniform(0, 1, (count, n)))
-    return np.stack([np.cos(angle), np.sin(angle)], axis=2)
+    return at_angles(angle)
 
 
 def polygons(rng, count, n, width=None):
@@ -96,9 +100,7 @@ def comb(teeth, slack=0.0):
 
 
 def star(points):
-    angle = np.pi / points * np.arange(2 * points)
-    radius = np.where(np.arange(2 * points) % 2, 1, 3)
-    return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+    return at_angles(np.pi / points * np.arange(2 * points), np.tile([3, 1], points))
 
 
 def reach(a, b, heading):

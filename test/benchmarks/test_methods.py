@@ -35,6 +35,7 @@ import shapes  # noqa: E402
 import stability  # noqa: E402
 
 INEXACT = 'traditional', 'binary', 'gjk', 'closest'
+SQUARE = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
 HARD = ('hair_gaps', 'far_offsets', 'slivers', 'one_ulp', 'rectangles_on_edge', 'collinear_edges',
         'points_and_segments', 'extreme_scales')
 
@@ -44,8 +45,9 @@ def pairs_of(name, count, n):
 
 
 @cache
-def judged(name):
-    pairs = pairs_of(name, 500, 5)
+def judged(name, count=500, n=5):
+    """Return pairs of a family, and whether they meet."""
+    pairs = pairs_of(name, count, n)
     return pairs, oracle.intersects_pairs(pairs)[0]
 
 
@@ -58,8 +60,8 @@ def answers(method, pairs):
 @pytest.mark.parametrize('n', [3, 24])
 @pytest.mark.parametrize('name', families.CONVEX)
 def test_filtered_orientations_are_never_wrong(name, n, count):
-    pairs = pairs_of(name, count, n)
-    np.testing.assert_array_equal(answers('filtered', pairs), oracle.intersects_pairs(pairs)[0])
+    pairs, truth = judged(name, count, n)
+    np.testing.assert_array_equal(answers('filtered', pairs), truth)
 
 
 @pytest.mark.parametrize('exponent', [-1060, -700, 700, 1015])
@@ -108,8 +110,7 @@ def test_traditional_on_points_and_segments():
 @pytest.mark.long
 def test_float32_is_less_exact_than_float64():
     """The traditional method is compiled for either."""
-    pairs = pairs_of('float32_round_trip', 1000, 4)
-    truth = oracle.intersects_pairs(pairs)[0]
+    pairs, truth = judged('float32_round_trip', 1000, 4)
     wrong, wrong_single = (np.sum(answers(method, pairs) != truth)
                            for method in ('traditional', 'traditional_float32'))
     assert wrong < wrong_single / 10
@@ -125,8 +126,7 @@ def test_published_readings_are_wrong_on_their_examples(method, pair):
 
 @pytest.mark.parametrize('n', [pytest.param(4, marks=pytest.mark.long), 16, 64])
 def test_published_a_errs_in_one_direction_and_b_in_both(n):
-    pairs = pairs_of('near', 2000, n)
-    truth = oracle.intersects_pairs(pairs)[0]
+    pairs, truth = judged('near', 2000, n)
     a, b = (answers(method, pairs) for method in ('published_a', 'published_b'))
     assert (a & ~truth).any() and not (~a & truth).any()
     assert (b & ~truth).any() and (~b & truth).any()
@@ -141,8 +141,7 @@ def test_steps_of_the_published_readings():
 
 @pytest.mark.long
 def test_hybrid_misses_no_collision_but_invents_some():
-    pairs = pairs_of('near', 1000, 16)
-    meet = oracle.intersects_pairs(pairs)[0]
+    pairs, meet = judged('near', 1000, 16)
     hybrid, to_the_letter = (answers(method, pairs) for method in ('hybrid', 'published_b'))
     assert hybrid[meet].all() and not to_the_letter[meet].all()
     assert hybrid[~meet].any()
@@ -150,8 +149,7 @@ def test_hybrid_misses_no_collision_but_invents_some():
 
 @pytest.mark.long
 def test_equation_5_as_printed_is_worse():
-    pairs = pairs_of('near', 1000, 16)
-    meet = oracle.intersects_pairs(pairs)[0]
+    pairs, meet = judged('near', 1000, 16)
     printed, meant = (answers(method, pairs)[~meet].sum() for method in ('literal', 'published_a'))
     assert printed > 2 * meant > 0
 
@@ -161,16 +159,14 @@ def test_equation_5_as_printed_is_worse():
                                         ((-8, 3), Fraction(1, 4))])
 def test_oracle_of_contact_times(move, time):
     """Two unit squares 2 m apart: head on, too short, corner on corner, and past each other."""
-    square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
-    assert libraries._first_contact(square, square + (3.0, 0.0), np.array(move, float)) == time
+    assert libraries._first_contact(SQUARE, SQUARE + (3.0, 0.0), np.array(move, float)) == time
 
 
 @pytest.mark.parametrize('n', [3, 8, 9, 10, 33, 257])
 def test_binary_search_finds_the_support_vertex(n):
     """Of bodies with evenly spaced vertices, and of arcs with all vertices on one side."""
     rng = np.random.default_rng(n)
-    arc = np.linspace(0, 1.5, n)
-    half = np.stack([np.cos(arc), np.sin(arc)], axis=1)
+    half = shapes.at_angles(np.linspace(0, 1.5, n))
     turned = [np.roll(half, k, axis=0) for k in range(0, n, max(1, n // 9))]
     for body in (*shapes.convex(shapes.polygons(rng, 30, n)), *turned):
         for axis in shapes.directions(rng, 30):
@@ -179,12 +175,11 @@ def test_binary_search_finds_the_support_vertex(n):
 
 
 def test_gjk_reports_contact_within_its_tolerance():
-    square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
     turned = np.array([(0.0, 0.5), (1.0, -0.5), (2.0, 0.5), (1.0, 1.5)])
     for gap, collides in ((1e-12, True), (1e-3, False)):
         apart = turned + (0.5 + gap, 1.0 + gap)
-        assert not oracle.intersects(square, apart)
-        assert answers('gjk', [(square, apart)])[0] == collides
+        assert not oracle.intersects(SQUARE, apart)
+        assert answers('gjk', [(SQUARE, apart)])[0] == collides
 
 
 @pytest.mark.parametrize('exponent', [0, -512, -514, -530, 500, 1000])
@@ -194,31 +189,25 @@ def test_semi_static_filter_is_exact_near_a_line(exponent):
     wrong = 0
     b, c, share = rng.uniform(-1, 1, (2000, 2)), rng.uniform(-1, 1, (2000, 2)), rng.random(2000)
     a = c + share[:, None] * (b - c)
-    for corners in np.ldexp(np.concatenate([a, b, c], axis=1), exponent).tolist():
-        exact = _determinant(*map(Fraction, corners))
-        with np.errstate(all='ignore'):
-            plain = _determinant(*corners)
-        assert rivals.semi_static_orient(*corners) == (exact > 0) - (exact < 0)
-        wrong += ((plain > 0) - (plain < 0)) != ((exact > 0) - (exact < 0))
+    for a, b, c in np.ldexp(np.stack([a, b, c], axis=1), exponent).tolist():
+        exact = oracle.orientation(*oracle.integers([c, a, b])[0])
+        plain = oracle.orientation(c, a, b)
+        sign = (exact > 0) - (exact < 0)
+        assert rivals.semi_static_orient(*a, *b, *c) == sign
+        wrong += ((plain > 0) - (plain < 0)) != sign
     assert wrong > 100
 
 
-def _determinant(ax, ay, bx, by, cx, cy):
-    return (ax - cx) * (by - cy) - (ay - cy) * (bx - cx)
-
-
 def test_touching_bodies_have_no_gap():
-    square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
-    for other in (square + (1.0, 0.0), square[:1], square[:2] + (0.25, 0.0)):
-        assert stability.bin_of(stability.gap_in_units(square, other, True)) == -1
-    assert stability.gap_in_units(square, square + (2.0**-50, 0.0), True) > 0
+    for other in (SQUARE + (1.0, 0.0), SQUARE[:1], SQUARE[:2] + (0.25, 0.0)):
+        assert stability.bin_of(stability.gap_in_units(SQUARE, other, True)) == -1
+    assert stability.gap_in_units(SQUARE, SQUARE + (2.0**-50, 0.0), True) > 0
 
 
 @pytest.mark.long
 def test_exact_stage_is_used_only_for_touching_bodies():
-    square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
-    others = [square + move for move in ((3.0, 0.0), (0.5, 0.5), (0.9, 0.8), (1.0, 0.0))]
-    found = scenes.stages(PolygonSet([square] * 4), PolygonSet(others))
+    others = [SQUARE + move for move in ((3.0, 0.0), (0.5, 0.5), (0.9, 0.8), (1.0, 0.0))]
+    found = scenes.stages(PolygonSet([SQUARE] * 4), PolygonSet(others))
     assert found.tolist() == [scenes.BOXES, scenes.BOXES, scenes.AXES, scenes.EXACT]
 
 

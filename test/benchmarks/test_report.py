@@ -92,33 +92,27 @@ def test_figures_are_stored_one_row_per_line():
     assert '{"n": 3, "ns": [1.5, 2.0]},\n' in shared.compact(value)
 
 
-@pytest.mark.parametrize('value, text', [
-    (None, '–'), (0.5, '0.50 ns'), (59.49, '59.5 ns'), (999.6, '1.00 µs'), (12_345, '12.3 µs'),
-    (999_600, '1.00 ms'), (2.5e9, '2.50 s')])
-def test_durations_have_three_figures(value, text):
-    assert shared.duration(value) == text
-
-
-def test_ranges_of_times_have_one_unit():
-    assert shared.durations(1500, 900, 2100) == '1.50 (0.90–2.10) µs'
-
-
-@pytest.mark.parametrize('part, whole, text', [
-    (0, 10, '0'), (0, 0, '–'), (1, 10_000, '0.01 %'), (1, 3, '33 %'), (None, 1, '–'),
-    (999, 1000, '99.9 %'), (10, 10, '100 %')])
-def test_shares_are_not_rounded_to_0_or_100_percent(part, whole, text):
-    assert shared.share(part, whole) == text
+@pytest.mark.parametrize('write, figures, text', [
+    (shared.duration, (None,), '–'), (shared.duration, (0.5,), '0.50 ns'),
+    (shared.duration, (59.49,), '59.5 ns'), (shared.duration, (999.6,), '1.00 µs'),
+    (shared.duration, (12_345,), '12.3 µs'), (shared.duration, (999_600,), '1.00 ms'),
+    (shared.duration, (2.5e9,), '2.50 s'),
+    # A range has one unit.
+    (shared.durations, (1500, 900, 2100), '1.50 (0.90–2.10) µs'),
+    # Not rounded to 0 or 100 %.
+    (shared.share, (0, 10), '0'), (shared.share, (0, 0), '–'), (shared.share, (None, 1), '–'),
+    (shared.share, (1, 10_000), '0.01 %'), (shared.share, (1, 3), '33 %'),
+    (shared.share, (999, 1000), '99.9 %'), (shared.share, (10, 10), '100 %'),
+    # A rate of 0 has an upper bound.
+    (shared.rate, (0, 100), '0 (< 3.7 %)'), (shared.rate, (50, 100), '50 % (40–60)')])
+def test_figures_as_text(write, figures, text):
+    assert write(*figures) == text
 
 
 @pytest.mark.parametrize('part, whole, low, high', [
     (0, 100, 0.0, 0.0370), (1, 10, 0.0179, 0.4042), (50, 100, 0.4038, 0.5962), (9, 9, 0.7008, 1)])
 def test_wilson_intervals(part, whole, low, high):
     assert shared.wilson(part, whole) == pytest.approx((low, high), abs=2e-4)
-
-
-def test_rate_of_0_has_an_upper_bound():
-    assert shared.rate(0, 100) == '0 (< 3.7 %)'
-    assert shared.rate(50, 100) == '50 % (40–60)'
 
 
 @pytest.mark.parametrize('units', [1e-9, 0.3, 3.0, 1e9, 1e40])

@@ -36,9 +36,7 @@ def random_shape(rng):
     if kind == 3:
         return shapes.comb(2) + rng.integers(-8, 9, 2)
     if kind == 4:
-        angle = np.sort(rng.uniform(0, 6.28, 6))
-        radius = rng.uniform(0.2, 5, 6)
-        return np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
+        return shapes.at_angles(np.sort(rng.uniform(0, 6.28, 6)), rng.uniform(0.2, 5, 6))
     return np.array([(-1, 0), (0, 0.5), (1, 0), (0, 3)]) * rng.integers(1, 4)
 
 

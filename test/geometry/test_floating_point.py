@@ -10,13 +10,13 @@
 
 import contextlib
 import ctypes
-import os
 from pathlib import Path
 import platform
 import shutil
 import subprocess
 import sys
 
+from compiled import run_beside_tests
 import numpy as np
 import pytest
 from sat_collision import (
@@ -27,7 +27,6 @@ from sat_collision.geometry.compiled.jit import COMPILED
 from sat_collision.geometry.numeric.predicates import orient
 from sat_collision.geometry.sets.packed_set import PackedSet
 
-ROOT = Path(__file__).resolve().parents[2]
 if not (platform.machine() == 'x86_64' and platform.libc_ver()[0] == 'glibc'):
     pytest.skip('modes are set as in glibc on x86-64', allow_module_level=True)
 
@@ -100,14 +99,6 @@ def test_kernel_would_be_wrong_in_another_mode(mode, points):
         assert orient(*points) == 0
 
 
-def run(program, **environment):
-    """Run a program that can use this module in another process."""
-    path = [str(ROOT), str(ROOT / 'test' / 'support'), str(Path(__file__).parent),
-            os.environ.get('PYTHONPATH', '')]
-    return subprocess.run([sys.executable, '-c', program], capture_output=True, text=True,
-                          env={**os.environ, 'PYTHONPATH': os.pathsep.join(path), **environment})
-
-
 @pytest.mark.parametrize('mode, plain', [
     ('flush to zero', '0'), ('down', '1'),
     pytest.param('flush to zero', '1', marks=pytest.mark.long),
@@ -121,11 +112,12 @@ def test_import_is_refused_in_another_mode(mode, plain, tmp_path):
                'libm.fesetenv(env)\n'
                'from sat_collision import intersects')
     environment = {'NUMBA_DISABLE_JIT': plain, 'NUMBA_CACHE_DIR': str(tmp_path)}
-    result = run(program, **environment)
+    result = run_beside_tests(program, **environment)
     assert result.returncode == 1
     assert 'FloatingPointError: floating point' in result.stderr
     assert message(mode) in result.stderr
-    assert run('from sat_collision import intersects', **environment).returncode == 0
+    result = run_beside_tests('from sat_collision import intersects', **environment)
+    assert result.returncode == 0
 
 
 @pytest.mark.parametrize('machine, plain', [
@@ -137,13 +129,14 @@ def test_library_that_sets_the_mode_on_loading(tmp_path, machine, plain):
     source, library = tmp_path / 'fast.c', tmp_path / 'fast.so'
     source.write_text('')
     subprocess.run(['gcc', '-shared', '-fPIC', '-ffast-math', source, '-o', library], check=True)
-    result = run(f'import ctypes, platform\nplatform.machine = lambda: {machine!r}\n'
-                 'from sat_collision.geometry.compiled.floating_point import require_nearest\n'
-                 f'ctypes.CDLL({str(library)!r})\n'
-                 'if 2.0**-1060 * float("0.5") == 0.0:\n'
-                 '    require_nearest(0)\n'
-                 'else:\n    print("not set")',
-                 NUMBA_DISABLE_JIT=plain, NUMBA_CACHE_DIR=str(tmp_path))
+    result = run_beside_tests(
+        f'import ctypes, platform\nplatform.machine = lambda: {machine!r}\n'
+        'from sat_collision.geometry.compiled.floating_point import require_nearest\n'
+        f'ctypes.CDLL({str(library)!r})\n'
+        'if 2.0**-1060 * float("0.5") == 0.0:\n'
+        '    require_nearest(0)\n'
+        'else:\n    print("not set")',
+        NUMBA_DISABLE_JIT=plain, NUMBA_CACHE_DIR=str(tmp_path))
     if 'not set' in result.stdout:
         pytest.skip('install gcc 12 or older: this one does not set it')
     assert 'FloatingPointError: floating point flushes' in result.stderr

@@ -14,6 +14,7 @@ from pathlib import Path
 import subprocess
 import sys
 
+from compiled import run_beside_tests
 import families
 import numpy as np
 import pytest
@@ -22,7 +23,6 @@ from sat_collision import (
     time_of_contact, time_to_contact)
 
 ROOT = Path(__file__).resolve().parents[2]
-ALL = {**families.CONVEX, **families.SIMPLE}
 PROGRAM = ('import json, sat_collision, test_jit as t; '
            'print(json.dumps([sat_collision.KERNEL, t.library_answers()]))')
 
@@ -30,7 +30,7 @@ PROGRAM = ('import json, sat_collision, test_jit as t; '
 def moved_messages(seed):
     """Yield points of messages, convex or not, and affine maps to other frames."""
     rng = np.random.default_rng(seed)
-    for name, family in ALL.items():
+    for name, family in families.ALL.items():
         for ring, _ in family(rng, 10, 9) if name != 'extreme_scales' else ():
             points = np.column_stack([ring, ring[:, 0]]).astype(np.float32)
             angle = rng.uniform(-np.pi, np.pi)
@@ -46,7 +46,7 @@ def moved_messages(seed):
 def library_answers():
     """Return results of all queries for some pairs of each family."""
     answers = {}
-    for name, family in ALL.items():
+    for name, family in families.ALL.items():
         rng = np.random.default_rng(7)
         pairs = family(rng, 60, 9) + family(rng, 40, 24)
         sets = [PolygonSet(pair[k] for pair in pairs) for k in (0, 1)]
@@ -70,11 +70,7 @@ def library_answers():
 @pytest.mark.long
 def test_compiled_kernels_and_plain_python_agree():
     """In another process without numba."""
-    path = [str(ROOT), str(ROOT / 'test' / 'support'), str(Path(__file__).parent),
-            os.environ.get('PYTHONPATH', '')]
-    result = subprocess.run(
-        [sys.executable, '-c', PROGRAM], capture_output=True, text=True,
-        env={**os.environ, 'NUMBA_DISABLE_JIT': '1', 'PYTHONPATH': os.pathsep.join(path)})
+    result = run_beside_tests(PROGRAM, NUMBA_DISABLE_JIT='1')
     assert result.returncode == 0, result.stderr
     kernel, answers = json.loads(result.stdout)
     assert kernel == 'plain Python'

@@ -9,10 +9,12 @@
 """Orientations, segments that meet, lengths and centroids, against rationals."""
 
 from fractions import Fraction
+import itertools
 import math
 import random
 
 import numpy as np
+import oracle
 import pytest
 from sat_collision import Polygon, separation
 from sat_collision.geometry.numeric.predicates import orient, segments_meet
@@ -27,31 +29,24 @@ def orientation(a, b, c):
 
 
 def exact_orientation(a, b, c):
-    (ax, ay), (bx, by), (cx, cy) = (map(Fraction, p) for p in (a, b, c))
-    determinant = (ax - cx) * (by - cy) - (ay - cy) * (bx - cx)
+    determinant = oracle.orientation(*([*map(Fraction, point)] for point in (a, b, c)))
     return (determinant > 0) - (determinant < 0)
 
 
-def point_of_any_size(rng):
-    """Return a point whose coordinates range over all exponents of a double."""
-    return tuple(rng.choice((-1, 1)) * math.ldexp(rng.uniform(0.5, 1), rng.randint(-1073, 1023))
-                 for _ in range(2))
+COORDINATES = {
+    'units': lambda rng: rng.uniform(-1, 1),
+    'a lattice': lambda rng: rng.randint(-3, 3) * 0.1,
+    'all exponents': lambda rng: rng.choice((-1, 1)) * math.ldexp(
+        rng.uniform(0.5, 1), rng.randint(-1073, 1023)),
+}
 
 
-def unit_point(rng):
-    return rng.uniform(-1, 1), rng.uniform(-1, 1)
-
-
-def lattice_point(rng):
-    return rng.randint(-3, 3) * 0.1, rng.randint(-3, 3) * 0.1
-
-
-@pytest.mark.parametrize('point', [unit_point, lattice_point, point_of_any_size])
-def test_orientation_is_exact(point):
-    """For random, lattice and extreme points, a third of them nearly collinear."""
+@pytest.mark.parametrize('number', COORDINATES.values(), ids=COORDINATES)
+def test_orientation_is_exact(number):
+    """Also of points a third of which are nearly collinear."""
     rng = random.Random(1)
     for _ in range(5000):
-        a, b, c = point(rng), point(rng), point(rng)
+        a, b, c = ((number(rng), number(rng)) for _ in range(3))
         if rng.random() < 0.3:
             t = rng.choice((0.5, 0.25, 2, 1 / 3))
             c = tuple(p + t * (q - p) for p, q in zip(a, b))
@@ -71,7 +66,7 @@ def test_orientation_one_ulp_off_a_line():
             b, c = (12.0, 12.0), (24.0, 24.0)
             expected = exact_orientation(a, b, c)
             assert orientation(a, b, c) == expected
-            plain = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+            plain = oracle.orientation(a, b, c)
             wrong_when_plain += (plain > 0) - (plain < 0) != expected
     assert wrong_when_plain > 100
 
@@ -80,10 +75,8 @@ def test_orientation_with_overflow_and_underflow():
     """With the largest and the smallest doubles."""
     huge, tiny = 1.7e308, 5e-324
     points = [(x, y) for x in (-huge, -tiny, 0.0, tiny, huge) for y in (-huge, 0.0, tiny, huge)]
-    for a in points:
-        for b in points:
-            for c in points:
-                assert orientation(a, b, c) == exact_orientation(a, b, c), (a, b, c)
+    for a, b, c in itertools.product(points, repeat=3):
+        assert orientation(a, b, c) == exact_orientation(a, b, c), (a, b, c)
 
 
 def test_segments_meet_on_a_lattice():
@@ -127,8 +120,7 @@ def test_length_is_right_to_an_ulp(exponent):
         square = Fraction(x) ** 2 + Fraction(y) ** 2
         ulp = Fraction(math.ulp(length(x, y)))
         assert (Fraction(length(x, y)) - ulp) ** 2 < square < (Fraction(length(x, y)) + ulp) ** 2
-    assert length(0.0, 0.0) == 0.0
-    assert length(-3.0, 4.0) == length(4.0, 3.0) == 5.0
+    assert [length(0.0, 0.0), length(-3.0, 4.0), length(4.0, 3.0)] == [0.0, 5.0, 5.0]
 
 
 @pytest.mark.parametrize('exponent', SCALES)

@@ -17,6 +17,7 @@ from published import load
 import pytest
 from rationals import twice_area
 from sat_collision import Polygon, PolygonError, Reason
+import shapes
 
 SQUARE = [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)]
 L_SHAPE = [(0.0, 0.0), (3.0, 0.0), (3.0, 1.0), (1.0, 1.0), (1.0, 3.0), (0.0, 3.0)]
@@ -35,8 +36,7 @@ def test_counter_clockwise_square_is_kept():
     assert polygon.vertices.tolist() == [list(p) for p in SQUARE]
     assert polygon.vertices.dtype == np.float64
     assert polygon.is_convex and polygon.parts == (polygon,)
-    assert polygon.bounds == (0.0, 0.0, 2.0, 2.0)
-    assert polygon.centroid.tolist() == [1.0, 1.0]
+    assert (*polygon.bounds, *polygon.centroid) == (0.0, 0.0, 2.0, 2.0, 1.0, 1.0)
 
 
 def test_polygon_is_immutable():
@@ -65,7 +65,7 @@ REFUSED = {
         [(0, 0), (4, 0), (4, 4), (2, 0), (0, 4)],  # touches an edge
         [(0, 0), (2, 0), (1, 2), (0, 0), (2, 0), (1, 2), (1, 1)],  # twice around
         # A pentagram turns only to the left.
-        [(np.cos(4 * np.pi * k / 5), np.sin(4 * np.pi * k / 5)) for k in range(5)]]}
+        shapes.at_angles(4 * np.pi / 5 * np.arange(5))]}
 
 
 @pytest.mark.parametrize('expected, points', [
@@ -87,11 +87,9 @@ def test_message_names_what_is_wrong(points, expected, words):
 
 def test_limit_of_vertices_counts_cleaned_ones():
     """The closing vertex does not count."""
-    angles = np.linspace(0, 2 * np.pi, 1024, endpoint=False)
-    circle = np.column_stack([np.cos(angles), np.sin(angles)])
+    circle = shapes.at_angles(np.linspace(0, 2 * np.pi, 1024, endpoint=False))
     assert len(Polygon(np.vstack([circle, circle[:1]])).vertices) == 1024
-    angles = np.linspace(0, 2 * np.pi, 1025, endpoint=False)
-    kind, message = reason(np.column_stack([np.cos(angles), np.sin(angles)]))
+    kind, message = reason(shapes.at_angles(np.linspace(0, 2 * np.pi, 1025, endpoint=False)))
     assert kind is Reason.TOO_MANY_VERTICES and '1024' in message
     assert reason(SQUARE, max_vertices=3)[0] is Reason.TOO_MANY_VERTICES
     assert Polygon(SQUARE, 10 ** 30) == Polygon(SQUARE)
@@ -230,7 +228,7 @@ def test_parts_of_random_stars(count):
     for _ in range(20):
         angles = (np.arange(count) + rng.uniform(0, 0.9, count)) * 2 * np.pi / count
         radii = rng.uniform(0.2, 1.0, count)
-        star = Polygon(np.column_stack([radii * np.cos(angles), radii * np.sin(angles)]))
+        star = Polygon(shapes.at_angles(angles, radii))
         check_parts(star, star.vertices)
         edges = np.roll(star.vertices, -1, axis=0) - star.vertices
         after = np.roll(edges, -1, axis=0)

@@ -26,6 +26,7 @@ import sat_collision
 from sat_collision import Polygon, PolygonError, PolygonSet, Reason
 from sat_collision.geometry.compiled.jit import COMPILED
 from sat_collision.replay.bag.mcap import _Misplaced
+import shapes
 
 SQUARE = [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)]
 L_SHAPE = [(0.0, 0.0), (3.0, 0.0), (3.0, 1.0), (1.0, 1.0), (1.0, 3.0), (0.0, 3.0)]
@@ -127,9 +128,8 @@ def test_changes_by_several_threads(frequent_switches):
 @pytest.mark.skipif(not COMPILED, reason='plain Python holds the interpreter lock')
 def test_kernels_release_the_interpreter_lock():
     """Another thread goes on before one has returned."""
-    angles = np.linspace(0, 2 * np.pi, 500, endpoint=False)
-    circle = Polygon(np.column_stack([np.cos(angles), np.sin(angles)]))
-    sets = [PolygonSet([circle] * 300), PolygonSet([circle] * 300)]
+    circle = shapes.at_angles(np.linspace(0, 2 * np.pi, 500, endpoint=False))
+    sets = [PolygonSet([Polygon(circle)] * 300) for _ in range(2)]
     sets[0].separations(sets[1])
     begun, ended = threading.Event(), threading.Event()
 
@@ -182,15 +182,12 @@ def test_equal_sets():
 def test_polygons_are_pickled():
     """Of each family, and with more vertices than accepted by default; to the same bits."""
     rng = np.random.default_rng(2)
-    bodies = [Polygon(ring) for family in {**families.CONVEX, **families.SIMPLE}.values()
-              for ring, _ in family(rng, 3, 20)]
-    angles = np.linspace(0, 6, 1500)
-    bodies.append(Polygon(np.column_stack([np.cos(angles), np.sin(angles)]), 2000))
+    bodies = [Polygon(ring) for family in families.ALL.values() for ring, _ in family(rng, 3, 20)]
+    bodies.append(Polygon(shapes.at_angles(np.linspace(0, 6, 1500)), 2000))
     for body in bodies:
         for again in (pickle.loads(pickle.dumps(body)), copy.copy(body)):
             assert again == body and hash(again) == hash(body)
-            assert np.asarray(again.packed[0]).tobytes() == np.asarray(
-                body.packed[0]).tobytes()
+            assert np.asarray(again.packed[0]).tobytes() == np.asarray(body.packed[0]).tobytes()
     again = pickle.loads(pickle.dumps(PolygonSet(bodies)))
     assert [again.polygon(row) for row in range(len(bodies))] == bodies
 

@@ -18,6 +18,7 @@ import sys
 from sat_collision.geometry.compiled.jit import kernel
 
 PACKAGE = Path(__file__).resolve().parents[2] / 'sat_collision'
+GEOMETRY_TESTS = Path(__file__).resolve().parents[1] / 'geometry'
 # Files below the package: all that is compiled, and the mark that all is.
 COMPILED_FILES = ('__pycache__',)
 MARK = 'prepared-*'
@@ -43,6 +44,14 @@ def plain_python(**more):
     They start in a third of the time of those that load numba, with the same answers.
     """
     return {**os.environ, 'NUMBA_DISABLE_JIT': '1', **more}
+
+
+def run_beside_tests(program, **more):
+    """Run a program that can import the tests of geometry, with some more variables."""
+    path = [str(PACKAGE.parent), str(Path(__file__).parent), str(GEOMETRY_TESTS),
+            os.environ.get('PYTHONPATH', '')]
+    return subprocess.run([sys.executable, '-c', program], capture_output=True, text=True,
+                          env={**os.environ, 'PYTHONPATH': os.pathsep.join(path), **more})
 
 
 def failures_in_plain_python(file):

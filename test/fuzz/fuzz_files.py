@@ -15,6 +15,7 @@ which in MCAP means that there is none.
 """
 
 import argparse
+import contextlib
 from io import BytesIO
 import json
 from pathlib import Path
@@ -101,10 +102,8 @@ class Bag:
     """A recording of which one file is damaged; `exact` if checksums protect its messages."""
 
     def __init__(self, bag, name, exact):
-        self._bag = bag
-        self._file = bag / name
+        self._bag, self._file, self._exact = bag, bag / name, exact
         self._data = self._file.read_bytes()
-        self._exact = exact
         self.name = f'{bag.name}/{name}'
         self._topics, self._messages, problems = read(bag)
         assert not problems and len(self._messages) == len(MESSAGES)
@@ -122,67 +121,58 @@ class Bag:
             check(self._bag)
 
 
-class Parameters:
-    """A parameter file."""
+class Text:
+    """A file of which each damage is read without an error, or with one of a kind."""
 
-    name = 'params.yaml'
-
-    def __init__(self, folder):
-        self._file = folder / self.name
+    def __init__(self, file, data, take, error):
+        self._file, self._data, self._take, self._error = file, data, take, error
+        self.name = file.name
 
     def try_one(self, rng):
         """Damage the file and read it."""
-        self._file.write_bytes(mutated(PARAMETERS, rng))
-        try:
-            settings_of(parameters_of_file(self._file, '/robot/footprint_monitor'))
-        except ParameterError:
-            pass
-
-
-class Expectation:
-    """A stored result."""
-
-    name = 'stored.json'
-
-    def __init__(self, folder, bag):
-        self._file = folder / self.name
-        self._results = [check(bag)]
-        write_json(self._results, str(self._file))
-        stored = json.loads(self._file.read_text())
-        stored['bags'][0]['footprints'][0]['separation'] = []
-        self._data = json.dumps(stored).encode()
-
-    def try_one(self, rng):
-        """Damage the file and compare with it."""
         self._file.write_bytes(mutated(self._data, rng))
-        try:
-            differences_from(read_baseline(str(self._file)), self._results)
-        except BaselineError:
-            pass
+        with contextlib.suppress(self._error):
+            self._take(self._file)
+
+
+def parameters(folder):
+    """Return a parameter file."""
+    return Text(folder / 'params.yaml', PARAMETERS,
+                lambda file: settings_of(parameters_of_file(file, '/robot/footprint_monitor')),
+                ParameterError)
+
+
+def expectation(folder, bag):
+    """Return a stored result of a recording."""
+    file, results = folder / 'stored.json', [check(bag)]
+    write_json(results, str(file))
+    stored = json.loads(file.read_text())
+    stored['bags'][0]['footprints'][0]['separation'] = []
+    return Text(file, json.dumps(stored).encode(),
+                lambda file: differences_from(read_baseline(str(file)), results), BaselineError)
 
 
 def targets(folder):
     """Return all files to damage."""
     made = []
-    for name, storage, compression, exact in (
-            ('rows', 'sqlite3', None, False), ('packed rows', 'sqlite3', 'message', False),
-            ('chunks', 'mcap', None, False)):
+    for name, storage, compression in (
+            ('rows', 'sqlite3', None), ('packed rows', 'sqlite3', 'message'),
+            ('chunks', 'mcap', None)):
         bag = write(folder / name, MESSAGES, storage, compression)
         for file in sorted(path.name for path in bag.iterdir()):
             copy = Path(shutil.copytree(bag, folder / f'{name} {file}'))
             # Damage of metadata.yaml does not change the messages.
-            made.append(Bag(copy, file, exact or file == 'metadata.yaml'))
+            made.append(Bag(copy, file, exact=file == 'metadata.yaml'))
     for name, options in (('plain', {}), ('zstd', {'compression': 'zstd'}),
                           ('lz4', {'compression': 'lz4'}),
                           ('unindexed', {'use_statistics': False, 'repeat_channels': False})):
         bag = folder / name
         bag.mkdir()
         write_mcap(bag / 'a.mcap', MESSAGES, **options)
-        shutil.copy(folder / 'chunks' / 'metadata.yaml', bag)
-        metadata = bag / 'metadata.yaml'
-        metadata.write_text(metadata.read_text().replace('chunks.mcap', 'a.mcap'))
+        metadata = (folder / 'chunks' / 'metadata.yaml').read_text()
+        (bag / 'metadata.yaml').write_text(metadata.replace('chunks.mcap', 'a.mcap'))
         made.append(Bag(bag, 'a.mcap', True))
-    return [*made, Parameters(folder), Expectation(folder, folder / 'rows')]
+    return [*made, parameters(folder), expectation(folder, folder / 'rows')]
 
 
 def fuzz(numbers, seed, report=lambda text: None):

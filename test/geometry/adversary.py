@@ -125,7 +125,9 @@ def main():
         print(f'| {name} | {filter_bounds.BOUNDS[which]} | {ratio:.4f} | {mistakes} | '
               f'{arguments.evaluations:.0e} | {time.monotonic() - begun:.0f} |', flush=True)
     given = arguments.evaluations, arguments.seed
-    failures += steering.report(*given) + separations.report(*given)
+    failures += steering.report(*given)
+    failures += steering.report_promises(
+        'separation', separations, len(separations.NAMES) * arguments.evaluations, arguments.seed)
     failures += steering.report_promises('contact', contacts, *given)
     failures += steering.report_promises('prediction', predictions, *given)
     failures += frame_chains.report(*given) + metamorphic.report(arguments.pairs, arguments.seed)

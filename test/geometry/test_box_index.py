@@ -8,14 +8,11 @@
 # language governing permissions and limitations under the License.
 """A set with an index answers as one that scans its rows."""
 
-from concurrent.futures import ThreadPoolExecutor
 import copy
 import pickle
 import sys
-import threading
 
 from bodies import random_body
-from compiled import failures_in_plain_python
 import numpy as np
 import pytest
 from sat_collision import (
@@ -233,32 +230,3 @@ def test_unchanged_sets_get_an_index(monkeypatch):
     # A copy has its own.
     again = pickle.loads(pickle.dumps(bodies))
     assert again == bodies and again._snapshot()[1] == 0
-
-
-def test_an_index_built_while_others_ask_and_change():
-    """A row that stays is always found, one that is elsewhere never."""
-    count = 600
-    bodies = PolygonSet.from_array(np.arange(count)[:, None, None] + SQUARE)
-    ended = threading.Event()
-
-    def ask(k):
-        wrong = 0
-        while not ended.is_set():
-            wrong += bodies.intersecting_rows([(k, k)]).tolist() != [k]
-            wrong += bodies.nearest([(k, k)])[0] != k
-        return wrong
-    with ThreadPoolExecutor(3) as pool:
-        asked = [pool.submit(ask, k) for k in (0, 300, 599)]
-        try:
-            for k in range(400 if COMPILED else 20):
-                bodies.replace(100, SQUARE + (k, -50.0))
-                bodies.index()
-        finally:
-            ended.set()
-        assert [one.result() for one in asked] == [0, 0, 0]
-
-
-@pytest.mark.long
-@pytest.mark.skipif(not COMPILED, reason='this is plain Python')
-def test_the_same_in_plain_python():
-    assert not failures_in_plain_python(__file__)

@@ -14,13 +14,14 @@ from pathlib import Path
 import subprocess
 import sys
 
-from compiled import run_beside_tests
+from compiled import plain_python, run_beside_tests
 import families
 import numpy as np
 import pytest
 from sat_collision import (
     contact, first_contact_along, intersects, intersects_pairs, Polygon, PolygonSet, separation,
     time_of_contact, time_to_contact)
+from sat_collision.geometry.compiled.jit import COMPILED
 
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = ('import json, sat_collision, test_jit as t; '
@@ -76,6 +77,18 @@ def test_compiled_kernels_and_plain_python_agree():
     assert kernel == 'plain Python'
     for name, expected in library_answers().items():
         assert answers[name] == expected, name
+
+
+@pytest.mark.long
+@pytest.mark.skipif(not COMPILED, reason='this is plain Python')
+@pytest.mark.parametrize('name', ['test_box_index.py', 'test_sharing.py'])
+def test_short_tests_pass_in_plain_python(name):
+    # The tests of compiled kernels are skipped there, which no gate needs to list.
+    result = subprocess.run(
+        [sys.executable, '-m', 'pytest', '-q', '-p', 'no:cacheprovider', '-m', 'not long',
+         Path(__file__).with_name(name)],
+        capture_output=True, text=True, env=plain_python(ALLOWED_SKIPS=''))
+    assert result.returncode == 0, result.stdout
 
 
 @pytest.mark.parametrize('arguments, plain', [

@@ -147,13 +147,15 @@ def exact_centroid(ring):
 @pytest.mark.parametrize('ring, centre', [
     ([[2, 3]], (2, 3)), ([[0, 0], [2, 4]], (1, 2)), ([[0, 0], [3, 0], [0, 3]], (1, 1)),
     ([[0, 0], [4, 0], [4, 2], [0, 2]], (2, 1)),
+    ([[0, 0], [3, 0], [3, 1], [1, 1], [1, 3], [0, 3]], (1.1, 1.1)),
+    ([[5e5, 5e6], [5e5 + 3, 5e6], [5e5, 5e6 + 3]], (5e5 + 1, 5e6 + 1)),
     ([[0, 0], [1e-310, 0], [1e-310, 1e-310]], (2e-310 / 3, 1e-310 / 3)),
     ([[-1.7e308, -1.7e308], [1.7e308, -1.7e308], [1.7e308, 1.7e308], [-1.7e308, 1.7e308]],
      (0, 0)),
 ])
 def test_simple_centroids(ring, centre):
     assert centroid(np.array(ring, float).ravel(), len(ring)) == pytest.approx(
-        centre, rel=1e-12, abs=math.ulp(np.abs(ring).max()))
+        centre, rel=1e-15, abs=math.ulp(np.abs(ring).max()))
 
 
 SLIVER = [(0.0, 254.4994643777963), (354.8568311893048, -376.71156683469275),

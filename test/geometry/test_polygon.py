@@ -95,15 +95,6 @@ def test_limit_of_vertices_counts_cleaned_ones():
     assert Polygon(SQUARE, 10 ** 30) == Polygon(SQUARE)
 
 
-def test_centroid_of_an_offset_triangle_and_of_a_segment():
-    """The mean of a triangle's vertices, and the middle of a segment."""
-    offset = np.array([500000.0, 5000000.0])
-    assert np.allclose(Polygon(offset + [(0, 0), (3, 0), (0, 3)]).centroid, offset + 1.0,
-                       rtol=0, atol=1e-9)
-    assert Polygon([(1, 1), (3, 5)]).centroid.tolist() == [2.0, 3.0]
-    assert Polygon(L_SHAPE).centroid.tolist() == pytest.approx([1.1, 1.1])
-
-
 @pytest.mark.parametrize('order', [*itertools.permutations(range(4))])
 def test_crossing_is_reported_with_its_edges(order):
     """Also for the edge back to the first vertex."""

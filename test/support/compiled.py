@@ -52,12 +52,3 @@ def run_beside_tests(program, **more):
             os.environ.get('PYTHONPATH', '')]
     return subprocess.run([sys.executable, '-c', program], capture_output=True, text=True,
                           env={**os.environ, 'PYTHONPATH': os.pathsep.join(path), **more})
-
-
-def failures_in_plain_python(file):
-    """Run the short tests of a file without numba, in another process; return what fails."""
-    # The tests of compiled kernels are skipped there, which no gate needs to list.
-    result = subprocess.run(
-        [sys.executable, '-m', 'pytest', '-q', '-p', 'no:cacheprovider', '-m', 'not long', file],
-        capture_output=True, text=True, env=plain_python(ALLOWED_SKIPS=''))
-    return result.stdout if result.returncode else ''

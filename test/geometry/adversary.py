@@ -107,6 +107,30 @@ def largest(which, evaluations, seed=1, share=1.0):
             sum(mistakes for _, mistakes in found))
 
 
+def worst(search, which, evaluations, seed=1):
+    """Return the largest error that a module finds, and the number of broken promises."""
+    kinds = len(search.COUNTS)
+    ratios, wrong = zip(*(search.largest(which, kind, evaluations // kinds, seed)
+                          for kind in range(kinds)))
+    return max(ratios), sum(wrong)
+
+
+def filter_rows(evaluations, seed):
+    """Yield a row for each filter, and how often it is wrong."""
+    for which, (name, bound) in enumerate(zip(filter_bounds.NAMES, filter_bounds.BOUNDS)):
+        begun = time.monotonic()
+        ratio, wrong = largest(which, evaluations, seed)
+        yield (name, bound, f'{ratio:.4f}', wrong, f'{evaluations:.0e}',
+               f'{time.monotonic() - begun:.0f}', wrong + (ratio > 1.0))
+
+
+def promise_rows(search, evaluations, seed):
+    """Yield a row for each error that a module searches, and how many promises are broken."""
+    for which, (name, bound) in enumerate(zip(search.NAMES, search.BOUNDS)):
+        ratio, wrong = worst(search, which, evaluations, seed)
+        yield name, bound, f'{ratio:.4f}', wrong, f'{evaluations:.1e}', wrong
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
     parser.add_argument('--evaluations', type=lambda text: int(float(text)), default=10**7,
@@ -115,22 +139,24 @@ def main():
                         help='of each change that changes no answer (default: 1e5)')
     parser.add_argument('--seed', type=int, default=1)
     arguments = parser.parse_args()
+    evaluations, seed = arguments.evaluations, arguments.seed
+    promises = 'bound | largest error / bound | wrong | evaluations'
+    tables = {
+        f'filter | {promises} | s': filter_rows(evaluations, seed),
+        'pairs at the edge of | arrived | largest error / bound | proved | wrong | evaluations':
+            steering.rows(evaluations, seed),
+        f'of a separation | {promises}': promise_rows(separations, evaluations, seed),
+        f'of a contact | {promises}': promise_rows(contacts, evaluations // 4, seed),
+        f'of a prediction | {promises}': promise_rows(predictions, evaluations // 2, seed),
+        'chain of frames | largest error / bound | evaluations':
+            frame_chains.rows(evaluations, seed),
+        'change | answers changed | pairs': metamorphic.rows(arguments.pairs, seed)}
     failures = 0
-    print('| filter | bound | largest error / bound | wrong | evaluations | s |\n'
-          '|---|---|---|---|---|---|')
-    for which, name in enumerate(filter_bounds.NAMES):
-        begun = time.monotonic()
-        ratio, mistakes = largest(which, arguments.evaluations, arguments.seed)
-        failures += mistakes + (ratio > 1.0)
-        print(f'| {name} | {filter_bounds.BOUNDS[which]} | {ratio:.4f} | {mistakes} | '
-              f'{arguments.evaluations:.0e} | {time.monotonic() - begun:.0f} |', flush=True)
-    given = arguments.evaluations, arguments.seed
-    failures += steering.report(*given)
-    failures += steering.report_promises(
-        'separation', separations, len(separations.NAMES) * arguments.evaluations, arguments.seed)
-    failures += steering.report_promises('contact', contacts, *given)
-    failures += steering.report_promises('prediction', predictions, *given)
-    failures += frame_chains.report(*given) + metamorphic.report(arguments.pairs, arguments.seed)
+    for header, rows in tables.items():
+        print(f'\n| {header} |\n|' + '---|' * (header.count('|') + 1))
+        for *cells, wrong in rows:
+            print(f'| {" | ".join(map(str, cells))} |', flush=True)
+            failures += wrong
     return int(failures > 0)
 
 

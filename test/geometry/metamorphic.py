@@ -89,14 +89,11 @@ def lost_by_a_cut(rng, count, n):
                 != intersects_pairs(whole, other)).sum())
 
 
-def report(count, seed):
-    """Print a row for each change; return how many answers changed."""
-    print('\n| change | answers changed | pairs |\n|---|---|---|')
+def rows(count, seed):
+    """Yield a row for each change, and how many answers changed."""
     rng = np.random.default_rng(seed)
-    rows = {name: sum(changed_answers(name, rng, count // 2, n) for n in (5, 19))
-            for name in CHANGES}
-    rows['cut along a diagonal'] = sum(lost_by_a_cut(rng, count // 20, n)
-                                       for n in (5, 19) for _ in range(10))
-    for name, changed in rows.items():
-        print(f'| {name} | {changed} | {count:.0e} |')
-    return sum(rows.values())
+    for name in CHANGES:
+        changed = sum(changed_answers(name, rng, count // 2, n) for n in (5, 19))
+        yield name, changed, f'{count:.0e}', changed
+    lost = sum(lost_by_a_cut(rng, count // 20, n) for n in (5, 19) for _ in range(10))
+    yield 'cut along a diagonal', lost, f'{count:.0e}', lost

@@ -247,32 +247,11 @@ def largest(score, which, starts, shape, evaluations, rng):
     return max(found), sum(mistakes)
 
 
-def report_promises(subject, search, evaluations, seed):
-    """Print a row for each error that a module searches; return the number of broken promises."""
-    print(f'\n| of a {subject} | bound | largest error / bound | wrong | evaluations |\n'
-          '|---|---|---|---|---|')
-    kinds = len(search.COUNTS)
-    share = evaluations // len(search.NAMES)
-    failures = 0
-    for which, (name, bound) in enumerate(zip(search.NAMES, search.BOUNDS)):
-        ratios, wrong = zip(*(search.largest(which, kind, share // kinds, seed)
-                              for kind in range(kinds)))
-        failures += sum(wrong)
-        print(f'| {name} | {bound} | {max(ratios):.4f} | {sum(wrong)} | {share:.1e} |',
-              flush=True)
-    return failures
-
-
-def report(evaluations, seed):
-    """Print a row for each filter; return how many answers were wrong."""
-    print('\n| pairs at the edge of | arrived | largest error / bound | proved | wrong | '
-          'evaluations |\n|---|---|---|---|---|---|')
-    total = 0
+def rows(evaluations, seed):
+    """Yield a row for each filter, and how many answers were wrong."""
     for which, name in enumerate(NAMES):
-        rows = [at_the_edge(which, n, m, evaluations // len(COUNTS), seed) for n, m in COUNTS]
-        arrived, ratio, proved, wrong = np.array(rows).T
-        total += int(wrong.sum())
-        found = '' if which == DISC else f'{ratio.max():.4f}'
-        print(f'| {name} | {100 * arrived.mean():.0f} % | {found} | '
-              f'{proved.sum() / 1e6:.1f}e6 | {wrong.sum():.0f} | {evaluations:.0e} |', flush=True)
-    return total
+        found = [at_the_edge(which, n, m, evaluations // len(COUNTS), seed) for n, m in COUNTS]
+        arrived, ratio, proved, wrong = np.array(found).T
+        yield (name, f'{100 * arrived.mean():.0f} %',
+               '' if which == DISC else f'{ratio.max():.4f}', f'{proved.sum() / 1e6:.1f}e6',
+               f'{wrong.sum():.0f}', f'{evaluations:.0e}', int(wrong.sum()))

@@ -65,18 +65,12 @@ def test_bodies_with_many_vertices(name, n, count):
 @pytest.mark.parametrize('name, change', [
     (name, change) for name in EVERY for change in UNCHANGED
     if not ('scaled' in change and name in NO_ROOM_TO_SCALE)])
-def test_answers_do_not_depend_on_the_representation(name, change):
-    pairs = pairs_of(name, 60, 6)
+def test_answers_do_not_depend_on_order_and_representation(name, change):
+    pairs = pairs_of(name, 100, 6)
     if change == 'with z':  # two points with z look like three points in columns
         pairs = [pair for pair in pairs if all(len(body) != 2 for body in pair)]
-    changed = [[UNCHANGED[change](body) for body in pair] for pair in pairs]
+    changed = [[UNCHANGED[change](body) for body in pair[::-1]] for pair in pairs]
     np.testing.assert_array_equal(bulk(changed), bulk(pairs))
-
-
-@pytest.mark.parametrize('name', EVERY)
-def test_order_of_bodies_does_not_matter(name):
-    pairs = pairs_of(name, 200, 6)
-    np.testing.assert_array_equal(bulk([(b, a) for a, b in pairs]), bulk(pairs))
 
 
 @pytest.mark.parametrize('exponent', [-1060, -700, 700, 1015])

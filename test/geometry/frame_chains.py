@@ -61,11 +61,10 @@ def evaluate(name, chain):
     transforms = [tuple(row) for row in chain[:-2].reshape(-1, _NUMBERS).tolist()]
     ups, downs = transforms[:up], transforms[up:]
     frames = Frames(10**9)
-    for k, transform in enumerate(ups):
-        frames.insert('common' if k == up - 1 else f'up{k + 1}', f'up{k}', 0, transform, True)
-    for k, transform in enumerate(downs):
-        frames.insert('common' if k == down - 1 else f'down{k + 1}', f'down{k}', 0, transform,
-                      True)
+    for side, chain_of_side in (('up', ups), ('down', downs)):
+        for k, transform in enumerate(chain_of_side, 1):
+            parent = 'common' if k == len(chain_of_side) else f'{side}{k}'
+            frames.insert(parent, f'{side}{k - 1}', 0, transform, True)
     affine = frames.lookup_affine('down0' if down else 'common', 'up0', 0).affine
     point = np.array([*chain[-2:], 0.0], np.float32)
     found = moved_points(point.tobytes(), 0, 1, TRIPLE, affine)

@@ -249,16 +249,6 @@ def test_error_of_a_chain_of_frames_is_within_lemma_24(name):
     assert max(ratios) <= 1.0 and ratios[0] > 0.3 and ratios[1] > 0.5
 
 
-def test_robot_and_fixed_frame_in_utm():
-    """Both are 5,000 km from the origin and a few metres apart."""
-    robot = (448265.62, 5411930.91, 117.0, 0.0, 0.0, 0.6, 0.8)
-    fixed_frame = (448262.37, 5411932.68, 117.2, 0.0, 0.0, 0.28, 0.96)
-    ratio = frame_chains.evaluate('both under UTM',
-                                  np.array([*robot, *fixed_frame, 1.5, -0.25]))
-    (x, y, _), _, w = frame_chains.moved([robot], [fixed_frame], (1.5, -0.25))
-    assert 3.0 < abs(x / w) + abs(y / w) < 6.0 and ratio <= 1.0
-
-
 def test_oracle_of_rotations():
     """A quarter turn to the left by a quaternion of length 2, then 10 m along x."""
     (x, y, _), origin, w = frame_chains.moved(

@@ -98,6 +98,12 @@ def since(result, *times):
     return [None if time is None else (time - result.origin) / SECOND for time in times]
 
 
+def times(result, intervals=None):
+    """Return when each of some intervals, by default the contacts, begins and ends, in s."""
+    return since(result, *(time for one in (result.contacts if intervals is None else intervals)
+                           for time in (one.first, one.last)))
+
+
 def box(x, y=0.0, size=1.0):
     """Return the corners of a square."""
     return [(x, y), (x + size, y), (x + size, y + size), (x, y + size)]

@@ -11,8 +11,8 @@
 
 from builders import SECOND, serialised
 import pytest
-from recordings import box, START
-from test_replay_motion import at, run, run_again, samples, since
+from recordings import at, box, run, samples, START, times
+from test_replay_motion import run_again
 
 
 def track(time, number, x, delay=0.0, **place):
@@ -27,39 +27,26 @@ def test_both_places_of_an_id_count_until_its_next_stamp(tmp_path, first, second
     messages = samples([0.0] * 30) + [track(k / 10 + 0.03, 1, first if k == 10 else 5.0)
                                       for k in range(30)] + [track(1.03, 1, second, 0.001)]
     result = run(tmp_path, messages, None)
-    assert [since(result, one.first, one.last) for one in result.contacts] == [pytest.approx(
-        [1.03 if first > 1 else 1.03 - 0.1 / 9, 1.13 if second < 1 else 1.03 + 0.1 / 9])]
+    assert times(result) == pytest.approx(
+        [1.03 if first > 1 else 1.03 - 0.1 / 9, 1.13 if second < 1 else 1.03 + 0.1 / 9])
     assert not any(one.at_end for one in result.contacts)
     assert all(any(one.first <= contact.first <= one.last for one in result.contacts)
                for contact in run_again(tmp_path, as_live=True).contacts)
 
 
-def test_id_is_linked_though_a_message_shortly_after_it_is_later_than_its_timeout(tmp_path):
-    """One passes the robot between two messages; another one comes 70 ms after the second."""
-    messages = samples([0.0] * 20) + [track(*one) for one in (
-        (0.0, 1, -5.0), (0.0, 2, 9.0), (0.45, 1, 5.0), (0.52, 2, 9.0), (0.9, 1, 5.0),
-        (0.97, 2, 9.0))]
-    contact, = (result := run(tmp_path, messages, None, parameters={
-        'tracks.timeout': 0.5})).contacts
-    assert since(result, contact.first, contact.last) == pytest.approx([0.18, 0.27])
-
-
-def test_second_place_of_an_id_ends_with_its_next_stamp(tmp_path):
-    """Another one comes 50 ms after that, later than its timeout."""
-    messages = samples([0.0] * 20) + [track(*one) for one in (
-        (0.95, 2, 9.0), (1.0, 1, 9.0), (1.0, 1, 0.5, 0.001), (1.48, 1, 9.0), (1.53, 2, 9.0))]
-    contact, = (result := run(tmp_path, messages, None, parameters={
-        'tracks.timeout': 0.5})).contacts
-    assert since(result, contact.first, contact.last) == pytest.approx([1.0, 1.48])
-
-
-def test_id_is_gone_with_the_first_message_that_shows_it(tmp_path):
-    """Its timeout is shorter than the time for which messages are taken together."""
-    messages = samples([0.0] * 10) + [track(0.1, 1, 0.5)] + [
-        track(0.12 + 0.02 * k, 2 + k, 9.0) for k in range(20)]
-    contact, = (result := run(tmp_path, messages, None, parameters={
-        'tracks.timeout': 0.05})).contacts
-    assert since(result, contact.first, contact.last) == pytest.approx([0.1, 0.16])
+@pytest.mark.parametrize('timeout, sent, touches', [
+    (0.5, [(0.0, 1, -5.0), (0.0, 2, 9.0), (0.45, 1, 5.0), (0.52, 2, 9.0), (0.9, 1, 5.0),
+           (0.97, 2, 9.0)], [0.18, 0.27]),
+    (0.5, [(0.95, 2, 9.0), (1.0, 1, 9.0), (1.0, 1, 0.5, 0.001), (1.48, 1, 9.0), (1.53, 2, 9.0)],
+     [1.0, 1.48]),
+    (0.05, [(0.1, 1, 0.5), *((0.12 + 0.02 * k, 2 + k, 9.0) for k in range(20))], [0.1, 0.16])],
+    ids=['passes, and another one comes 70 ms after it, later than its timeout',
+         'was in two places, and another one comes 50 ms after its next stamp',
+         'is gone with the first message after a timeout shorter than those taken together'])
+def test_an_id_touches_until_its_next_stamp_or_timeout(tmp_path, timeout, sent, touches):
+    messages = samples([0.0] * 20) + [track(*one) for one in sent]
+    result = run(tmp_path, messages, None, parameters={'tracks.timeout': timeout})
+    assert times(result) == pytest.approx(touches)
 
 
 def test_curve_is_of_all_ids_however_they_are_sent(tmp_path):
@@ -77,10 +64,8 @@ def test_ids_are_matched_when_they_cross(tmp_path):
         track(k / 10 + 0.001 * number, number, x, 0.009 - 0.001 * number)
         for k in range(30) for number, x in ((7, k - 10), (8, 18 - k))]
     result = run(tmp_path, messages, None)
-    found = {contact.obstacle: since(result, contact.first, contact.last)
-             for contact in result.contacts}
-    assert found == {'tracks/7': pytest.approx([0.907, 1.107], abs=1e-6),
-                     'tracks/8': pytest.approx([1.708, 1.908], abs=1e-6)}
+    assert [one.obstacle for one in result.contacts] == ['tracks/7', 'tracks/8']
+    assert times(result) == pytest.approx([0.907, 1.107, 1.708, 1.908], abs=1e-6)
 
 
 def test_obstacle_at_rest_with_an_id_is_one_contact(tmp_path):
@@ -88,9 +73,8 @@ def test_obstacle_at_rest_with_an_id_is_one_contact(tmp_path):
     messages = [message for k in range(128) for message in (
         at(k / 16, box(1.5 * k / 16), 0.01, '/footprint'),
         track(k / 16, 1, 6 + 1 / 64, 0.02, y=0.25, size=0.25))]
-    contact, = run(tmp_path, messages, None).contacts
-    assert [(time - START) / SECOND for time in (contact.first, contact.last)] == pytest.approx(
-        [(5 + 1 / 64) / 1.5, (6 + 1 / 64 + 0.25) / 1.5], abs=1e-5)
+    found = [time + 0.01 for time in times(run(tmp_path, messages, None))]  # it begins at 10 ms
+    assert found == pytest.approx([(5 + 1 / 64) / 1.5, (6 + 1 / 64 + 0.25) / 1.5], abs=1e-5)
 
 
 @pytest.mark.parametrize('as_live', (False, True))
@@ -100,9 +84,9 @@ def test_obstacle_at_rest_with_an_id_is_one_contact(tmp_path):
 def test_refused_message_shows_that_the_publisher_is_alive(tmp_path, as_live, refused, parameters):
     """What the robot touches is held until one timeout after a message of another obstacle."""
     messages = samples([0.0] * 40) + [track(0.1, 1 if not parameters else 0, 0.5), refused]
-    contact, = (result := run(tmp_path, messages, None, as_live=as_live, parameters={
-        'tracks.timeout': 1.0, **parameters})).contacts
-    assert since(result, contact.first, contact.last) == pytest.approx([0.1, 2.0], abs=1e-6)
+    result = run(tmp_path, messages, None, as_live=as_live, parameters={
+        'tracks.timeout': 1.0, **parameters})
+    assert times(result) == pytest.approx([0.1, 2.0], abs=1e-6)
 
 
 def test_refused_id_changes_nothing_about_those_of_its_map(tmp_path):

@@ -14,7 +14,7 @@ import math
 from builders import SECOND
 import numpy as np
 import pytest
-from recordings import at, box, MARKS, run, samples, since, SOURCE, STAMPS, START
+from recordings import at, box, MARKS, run, samples, since, SOURCE, STAMPS, START, times
 from sat_collision.replay.model.result import Options, Verdict
 
 
@@ -25,8 +25,8 @@ def test_changed_number_of_vertices_is_undetermined_motion(tmp_path):
     result = run(tmp_path, messages)
     assert result.verdict is Verdict.UNKNOWN and result.contacts == []
     assert [source.undetermined for source in result.sources] == [0, SECOND // 10]
+    assert times(result, result.undetermined) == pytest.approx([0.4, 0.5])
     one, = result.undetermined
-    assert since(result, one.first, one.last) == pytest.approx([0.4, 0.5])
     assert one.reasons == [f'it is not known how something of {SOURCE} moved']
     footprint, = result.footprints
     assert footprint.undetermined == SECOND // 10
@@ -45,9 +45,8 @@ def test_polygon_that_may_have_moved_is_undetermined(tmp_path, moves):
     result = run(tmp_path, messages, None,
                  parameters={f'{SOURCE}.timeout': 0.3, 'future_tolerance': 0.1})
     assert result.contacts == []
-    found = [since(result, one.first, one.last) for one in result.undetermined
-             if one.reasons[0].endswith('obstacle moved')]
-    assert found == ([pytest.approx([1.9, 2.0])] if moves else [])
+    found = [one for one in result.undetermined if one.reasons[0].endswith('obstacle moved')]
+    assert times(result, found) == pytest.approx([1.9, 2.0] if moves else [])
     assert result.verdict is (Verdict.UNKNOWN if moves else Verdict.CLEAR)
 
 
@@ -56,8 +55,7 @@ def test_silence_of_a_source_that_never_sees_anything_is_undetermined(tmp_path):
     messages = samples([0.0] * 30) + [
         ('/obstacles', k / 10, []) for k in range(30) if not 10 < k < 20]
     result = run(tmp_path, messages, MARKS, parameters={f'{SOURCE}.timeout': 0.5})
-    assert since(result, result.undetermined[0].first, result.undetermined[0].last) == (
-        pytest.approx([1.0, 1.5]))
+    assert times(result, result.undetermined[:1]) == pytest.approx([1.0, 1.5])
     assert result.verdict is Verdict.UNKNOWN
 
 
@@ -70,7 +68,7 @@ def test_time_after_the_last_footprint_is_undetermined(tmp_path):
     assert footprint.clear == footprint.last - result.start - footprint.unknown
 
 
-@pytest.mark.parametrize('x, undetermined', [(0.0, []), (10.0, [(3.0, 48.0)])])
+@pytest.mark.parametrize('x, undetermined', [(0.0, []), (10.0, [3.0, 48.0])])
 def test_footprint_that_never_times_out_stands(tmp_path, x, undetermined):
     """It is silent for 45 s, and an obstacle touches it; then it is seen there, or elsewhere."""
     messages = [at(k / 10, box(0.0 if k < 40 else x), topic='/footprint')
@@ -78,10 +76,8 @@ def test_footprint_that_never_times_out_stands(tmp_path, x, undetermined):
     messages += [at(k / 10, box(0.5 if 100 <= k < 200 else 5.0, 9.0 * (k >= 200)))
                  for k in range(500)]
     result = run(tmp_path, messages, parameters={'footprint.timeout': 0.0})
-    assert [since(result, one.first, one.last) for one in result.contacts] == [
-        pytest.approx([9.9, 20.0], abs=0.11)]
-    assert [since(result, one.first, one.last) for one in result.undetermined] == [
-        pytest.approx(times) for times in undetermined]
+    assert times(result) == pytest.approx([9.9, 20.0], abs=0.11)
+    assert times(result, result.undetermined) == pytest.approx(undetermined)
 
 
 @pytest.mark.parametrize('timeout', [0.0, 60.0])
@@ -92,8 +88,7 @@ def test_undetermined_time_counts_whatever_the_last_stamp_of_the_footprint_is(tm
                 for k in range(201)] + samples([2.0] * 201, '/obstacles')
     result = run(tmp_path, [*messages, at(7.0, others, 13.05, '/footprint')],
                  parameters={'footprint.timeout': timeout})
-    first, *_ = result.undetermined
-    assert since(result, first.first, first.last) == pytest.approx([7.4, 7.5])
+    assert times(result, result.undetermined[:1]) == pytest.approx([7.4, 7.5])
     assert (result.verdict, result.footprints[0].last) == (Verdict.UNKNOWN, START + 20 * SECOND)
 
 
@@ -113,8 +108,7 @@ def test_bodies_older_than_the_timeout_are_not_linked_though_their_sets_are_near
             (0.12, 0.0, 3.0), (0.1, 0.021, 0.5), (0.12, 0.002, None),
             (0.63, 0.0, 3.5), (0.61, 0.021, 1.0), (0.63, 0.002, None))]
     result = run(tmp_path, messages, MARKS, parameters={'obstacle.timeout': 0.5})
-    assert [since(result, one.first, one.last) for one in result.undetermined] == [
-        pytest.approx([0.12, 0.6], abs=1e-6)]
+    assert times(result, result.undetermined) == pytest.approx([0.12, 0.6], abs=1e-6)
 
 
 @pytest.mark.parametrize('later', [[], [3.0, 3.1]])

@@ -7,8 +7,9 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Sets that are processed together give the same results as one by one."""
+"""Sets: processed together as one by one, and matched as by a search of all pairs."""
 
+from builders import SECOND
 import numpy as np
 import pytest
 from recordings import box, declared, STAMPS, START
@@ -18,7 +19,9 @@ from sat_collision.replay.model.configuration import settings_of
 from sat_collision.replay.model.result import FootprintResult
 from sat_collision.replay.motion import contacts
 from sat_collision.replay.motion.motion import RecordedMotion
+from sat_collision.replay.motion.tracker import SetTracker
 from sat_collision.scene.scene import Scene
+from sat_collision.scene.settings import ObstacleSettings
 
 SHAPES = [box(0.0), [(0, 0), (2, 0), (0.5, 1)], [(0, 0), (1.5, 0.5)], [*box(0.0), (0.0, 0.0)],
           [(0, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)]]
@@ -28,13 +31,13 @@ SETTINGS = settings_of({
     **declared(STAMPS, 'lidar', 'radar'), **{f'{name}.topic': f'/{name}' for name in NAMES}})
 
 
-def placed(name, time, shape):
-    """Return the placement of a body at a time in s."""
+def placed(name, time, shape, **listed):
+    """Return the placement of a body at a time in s, whose stamp is by default its listing."""
     points = np.zeros((len(shape), 3), np.float32)
-    points[:, :2] = shape
-    stamp = START + round(time * 1e9)
+    points[:, :2] = np.reshape(shape, (-1, 2))
+    stamp = START + round(time * SECOND)
     return Placement(name, stamp, 'map', (points.tobytes(), 0, len(points), TRIPLE), None, None,
-                     listing=stamp if name in ('lidar', 'radar') else 0)
+                     **listed or {'listing': stamp if name in ('lidar', 'radar') else 0})
 
 
 def placements(name, rng, times, shapes):
@@ -128,3 +131,63 @@ def test_most_steps_are_processed_together(monkeypatch):
     for seed in range(8):
         decided(recorded(seed), 500)
     assert sum(answers) > 300
+
+
+def random_set(rng, count, extent):
+    """Return rings of three or four points on a grid, so that distances are exact and may tie."""
+    rings = {}
+    for x, y in rng.integers(-extent, extent + 1, (count, 2)):
+        corners = [(x, y), (x + 1, y), (x + 1, y + 1), (x, y + 1)]
+        ring = tuple(corners[:rng.integers(3, 5)])
+        rings[ring] = ring
+    return list(rings)
+
+
+def centre(points):
+    """Return twice the centre of the bounds."""
+    xs, ys = zip(*points)
+    return min(xs) + max(xs), min(ys) + max(ys)
+
+
+def nearest(points, others):
+    """Return the index of the first of the nearest others."""
+    x, y = centre(points)
+    return min(range(len(others)), key=lambda j: sum(
+        (a - b) ** 2 for a, b in zip((x, y), centre(others[j]))))
+
+
+def expected_pairs(before, after):
+    """Return which ring becomes which: mutually nearest, with the same number of points."""
+    if not before or not after:
+        return set()
+    return {(i, j) for i, j in enumerate(nearest(one, after) for one in before)
+            if nearest(after[j], before) == i and len(before[i]) == len(after[j])}
+
+
+@pytest.mark.parametrize('extent', [2, 5, 30])
+def test_bodies_are_matched_with_their_mutual_nearest(extent):
+    """Dense and sparse sets; time counts where bodies of both sets have no match."""
+    rng = np.random.default_rng(extent)
+    steps = []
+    tracker = SetTracker(ObstacleSettings('lidar', '/lidar'),
+                         lambda tracker, step: steps.append(step), lambda listing: False)
+    sets = [random_set(rng, rng.integers(0, 12), extent) for _ in range(300)]
+    # The beginning of one more set ends the last one, which is whole then.
+    for number, rings in enumerate([*sets, []], 1):
+        for points in [*rings, ()]:
+            tracker.place(placed('lidar', number / 10, points, listing=number,
+                                 last_whole=number - 1))
+    held = [step for step in steps if step.seen is None]
+    steps = [step for step in steps if step.seen is not None]
+    assert len(steps) == len(sets)
+    assert sum(map(len, (step.gone for step in held))) == sum(
+        len(before) - len(expected_pairs(before, after)) for before, after in zip(sets, sets[1:]))
+    undetermined = followed = 0
+    for before, after, step in zip(sets, sets[1:], steps[1:]):
+        pairs = expected_pairs(before, after)
+        assert {pair for motion in step.motions
+                for pair in zip(motion.rows, motion.next_rows)} == pairs
+        undetermined += SECOND // 10 * (min(len(before), len(after)) > len(pairs))
+        followed += len(pairs)
+    assert sum(last - first for first, last in tracker.undetermined) == undetermined
+    assert followed > 300

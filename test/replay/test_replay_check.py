@@ -23,7 +23,7 @@ from sat_collision.messages.cdr import decode
 from sat_collision.messages.ingest import Ingest
 from sat_collision.replay import check as replay
 from sat_collision.replay.bag.recording import Recording
-from sat_collision.replay.model.result import HEADER, Options, Verdict
+from sat_collision.replay.model.result import HEADER, Options, Series, Verdict
 from storages import storage_file
 
 
@@ -385,6 +385,17 @@ def test_number_of_samples_is_bounded(tmp_path):
     assert 1000 < len(samples) <= 4096
     assert min(value for _, value in samples) == -0.25
     assert [time for time, _ in samples] == sorted(time for time, _ in samples)
+
+
+def test_long_series_keeps_the_least_of_neighbours():
+    """Of 10,000 samples, each four become one; None counts only where there is nothing else."""
+    values = [None if k % 3 == 0 or k > 9000 else 7919 * k % 1000 / 10 for k in range(10_000)]
+    series = Series([])
+    for k, value in enumerate(values):
+        series.add(k, value)
+    assert series.samples == [
+        (k, min((value for value in values[k:k + 4] if value is not None), default=None))
+        for k in range(0, 10_000, 4)]
 
 
 def test_one_topic_may_feed_several_sources(tmp_path):

@@ -12,11 +12,16 @@
 import math
 from random import Random
 
-from builders import collection, odometry, SECOND, serialised, transforms
+from builders import box, collection, odometry, SECOND, serialised, transforms
+from moving_scenes import FIXED, MovingScene, OUTLINE, WINDOW, WINDOWS
+import numpy as np
+import oracle
 import pytest
 from recordings import (
-    box, check, COLLECTION, declared, INSTANCE, MARKS, nanoseconds, POLYGON, SOURCE, STAMPS, write)
+    check, COLLECTION, declared, INSTANCE, MARKS, nanoseconds, POLYGON, SOURCE, STAMPS, START,
+    write)
 from sat_collision.replay.bag.recording import Recording
+from sat_collision.replay.losses import UNSEEN
 from sat_collision.replay.model.configuration import settings_of
 from sat_collision.replay.model.result import HEADER, NODE, Options, Verdict
 from sat_collision.scene.parameters import ParameterError
@@ -59,30 +64,26 @@ def run(path, messages, parameters=PARAMETERS, kind=POLYGON, latched=(), **optio
 
 
 def seconds(time):
-    return (time - nanoseconds(0.0)) / SECOND
+    return (time - START) / SECOND
 
 
-@pytest.mark.parametrize('clock', ('receive', HEADER))
-def test_contact_is_at_the_true_time(tmp_path, clock):
+def spans(intervals):
+    """Return from when to when each is, in s."""
+    return [(seconds(one.first), seconds(one.last)) for one in intervals]
+
+
+@pytest.mark.parametrize('clock, begin', [('receive', 0.0), (HEADER, 0.03)])
+@pytest.mark.parametrize('as_live, first, last', [
+    (False, (2.0, 2.0), (3.25, 3.25)), (True, (2.03, 2.2), (3.23, 3.6))])
+def test_contact_is_at_the_true_time_or_as_live_soon_after(
+        tmp_path, clock, begin, as_live, first, last):
     """The robot extends from its origin to 1 m ahead: in contact from 2 to 3.25 s."""
-    result = run(tmp_path / 'bag', drive(), clock=clock)
+    result = run(tmp_path / 'bag', drive(), clock=clock, as_live=as_live)
     assert result.problems == [] and result.verdict is Verdict.COLLISION
-    assert seconds(result.origin) == (0.03 if clock == HEADER else 0.0)
-    assert seconds(min(contact.first for contact in result.contacts)) == (
-        pytest.approx(2.0, abs=1e-6))
-    assert seconds(max(contact.last for contact in result.contacts)) == (
-        pytest.approx(3.25, abs=1e-6))
-    assert not any(source.rejected for source in result.sources)
-
-
-@pytest.mark.parametrize('clock', ('receive', HEADER))
-def test_contact_as_live_is_soon_after(tmp_path, clock):
-    result = run(tmp_path / 'bag', drive(), clock=clock, as_live=True)
-    assert result.problems == [] and result.verdict is Verdict.COLLISION
-    first = min(contact.first for contact in result.contacts)
-    last = max(contact.last for contact in result.contacts)
-    assert 2.03 <= seconds(first) <= 2.2
-    assert 3.23 <= seconds(last) <= 3.6
+    assert as_live or seconds(result.origin) == begin
+    found = spans(result.contacts)
+    assert first[0] - 1e-6 <= min(found)[0] <= first[1] + 1e-6
+    assert last[0] - 1e-6 <= max(end for _, end in found) <= last[1] + 1e-6
     assert not any(source.rejected for source in result.sources)
 
 
@@ -100,7 +101,7 @@ def test_contact_amid_messages_that_waited_together_is_found_as_live(tmp_path, d
         write_bag=str(tmp_path / 'out'))
     assert result.problems == [] and result.verdict is Verdict.COLLISION
     contact, = result.contacts
-    assert seconds(contact.first) == seconds(contact.last) == 0.401 and contact.depth > 0.0
+    assert spans([contact]) == [(0.401, 0.401)] and contact.depth > 0.0
     with Recording(tmp_path / 'out') as out:
         flags = [(time, data[-1]) for _, times, row in out.rows([f'{NODE}/footprint/collision'])
                  for time, data in zip(times, row)]
@@ -109,11 +110,9 @@ def test_contact_amid_messages_that_waited_together_is_found_as_live(tmp_path, d
 
 
 def test_delayed_transforms_delay_contacts_as_live(tmp_path):
-    begins = []
-    for delay in (0.0, 0.1):
-        result = run(tmp_path / f'bag{delay}', drive(delay), as_live=True)
-        begins.append(min(seconds(contact.first) for contact in result.contacts))
-    assert begins[1] - begins[0] == pytest.approx(0.1, abs=0.01)
+    first, second = (min(spans(run(tmp_path / f'bag{delay}', drive(delay), as_live=True).contacts))
+                     for delay in (0.0, 0.1))
+    assert second[0] - first[0] == pytest.approx(0.1, abs=0.01)
 
 
 def test_late_transforms_are_unknown_as_live(tmp_path):
@@ -208,13 +207,12 @@ def test_rotation_between_two_transforms_is_uniform(tmp_path, tf):
     parameters = WITH_ARM if tf else {**WITH_ARM, 'footprint.odometry': '/odom'}
     result = run(tmp_path / 'bag', turn(posts, tf), parameters)
     assert result.problems == [] and result.verdict is Verdict.COLLISION
-    times = crossing_times(posts)
-    spans = [(seconds(contact.first), seconds(contact.last)) for contact in result.contacts]
+    times, found = crossing_times(posts), spans(result.contacts)
     # The arm is 2 mm wide, so two crossings in quick succession are one contact.
-    assert len(times) >= len(spans) >= 8
-    for first, last in spans:
+    assert len(times) >= len(found) >= 8
+    for first, last in found:
         assert any(first - 1e-6 <= time <= last + 1e-6 for time in times) and last - first < 0.05
-    assert all(any(first - 1e-6 <= time <= last + 1e-6 for first, last in spans) for time in times)
+    assert all(any(first - 1e-6 <= time <= last + 1e-6 for first, last in found) for time in times)
     assert {contact.found for contact in result.contacts} == {'between samples'}
 
 
@@ -297,8 +295,8 @@ def test_map_is_unknown_once_its_frame_is_too_old(tmp_path, as_live):
                   for k in range(20))]
     result = run(tmp_path / 'bag', messages, {**PARAMETERS, f'{SOURCE}.timeout': 0.0,
                  **declared(MARKS)}, latched=['/obstacles'], as_live=as_live)
-    assert [(seconds(one.first), seconds(one.last)) for one in result.unknown if (
-        'transform is too old' in one.reasons[0])] == [(1.000000001, 1.9)]
+    assert spans(one for one in result.unknown if 'transform is too old' in one.reasons[0]) == [
+        (1.000000001, 1.9)]
 
 
 @pytest.mark.parametrize('as_live', [False, True])
@@ -325,7 +323,7 @@ def test_map_moves_with_its_frame(tmp_path, kind, as_live):
                  {'polygons': POLYGON, 'ids': INSTANCE, 'collections': COLLECTION}[kind],
                  latched=['/obstacles'], as_live=as_live)
     assert result.problems == []
-    assert [(seconds(one.first), seconds(one.last)) for one in result.contacts] == [
+    assert spans(result.contacts) == [
         (2.0, pytest.approx(3.0, abs=1e-6)), (4.5, pytest.approx(4.9, abs=1e-2))]
 
 
@@ -351,8 +349,9 @@ def test_corrected_static_transform_counts_from_then_on(tmp_path, as_live, clock
         messages += [(topic, time, serialised(points, nanoseconds(time), frame_id))
                      for topic, points, frame_id in (('/obstacles', box(0), 'site'),
                                                      ('/footprint', box(0), 'odom'))]
-    contact, = run(tmp_path / 'bag', messages, clock=clock, as_live=as_live, start=start).contacts
-    assert 1.9 <= seconds(contact.first) <= 2.2 and 2.9 <= seconds(contact.last) <= 3.2
+    result = run(tmp_path / 'bag', messages, clock=clock, as_live=as_live, start=start)
+    assert spans(result.contacts) == [(pytest.approx(2.05, abs=0.15),
+                                       pytest.approx(3.05, abs=0.15))]
 
 
 @pytest.mark.parametrize('as_live', [False, True])
@@ -367,8 +366,7 @@ def test_outline_jumps_with_a_corrected_static_transform(tmp_path, as_live, x, c
     result = run(tmp_path / 'bag', messages, {
         **WITH_IDS, 'footprints': ['robot'], 'robot.radius': 0.5, 'robot.frame_id': 'base'},
         INSTANCE, as_live=as_live)
-    assert [seconds(time) for one in result.contacts for time in (one.first, one.last)] == (
-        pytest.approx(contacts, abs=0.01))
+    assert [*sum(spans(result.contacts), ())] == pytest.approx(contacts, abs=0.01)
 
 
 def test_invalid_outline_is_bad_input(tmp_path):
@@ -390,3 +388,109 @@ def test_simulation_that_was_reset_is_seen_by_its_transforms(tmp_path, as_live):
     problem, = result.problems
     assert "the stamps of frame 'base' on /tf go back by 0.3 s" in problem
     assert result.verdict is Verdict.BAD_INPUT
+
+
+KINDS = {'sets': declared(MARKS), 'ids': {f'{SOURCE}.type': 'polygon_instance'}}
+BODIES_EVERY, TRANSFORMS_EVERY, LAST = 1 / 16, 1 / 8, 8.0
+# Their places at a time: without rotation each number is a float32 in either frame, and no contact
+# begins or ends at the stamp of a message.
+OBSTACLES = (lambda time: box(6 + 1 / 64, 0.25, 0.25, 0.25), lambda time: box(12.0 - time, 0.5),
+             lambda time: box(4 + 3 / 64, 3.0 - time, 0.5, 0.25))
+
+
+def written(points, time, frame_id, turning, number=None):
+    """Write a body with points in the fixed frame as a message in another frame."""
+    if frame_id == 'laser':
+        angle = turning * time
+        c, s = math.cos(angle), math.sin(angle)
+        points = np.array(points) - (1.5 * time, 0.5)
+        points = points if not angle else points @ [(c, -s), (s, c)]
+    return serialised(points, nanoseconds(time), frame_id, number)
+
+
+def recorded(path, kind, delay, turning, frames):
+    """Replay footprint and obstacles in one frame each; transforms come late."""
+    messages = []
+    for k in range(round(LAST / TRANSFORMS_EVERY) + 1):
+        time = k * TRANSFORMS_EVERY
+        messages.append(('/tf', time + delay, transforms(
+            ('odom', 'laser', nanoseconds(time), 1.5 * time, 0.5, turning * time))))
+    for k in range(round(LAST / BODIES_EVERY)):
+        time = k * BODIES_EVERY
+        messages.append(('/footprint', time + 0.01,
+                         written(box(1.5 * time, 0.0), time, frames[0], turning)))
+        messages += [('/obstacles', time + 0.02 + 0.001 * i,
+                      written(place(time), time, frames[1], turning, i if kind == 'ids' else None))
+                     for i, place in enumerate(OBSTACLES, 1)]
+        if kind == 'sets':
+            messages.append(('/obstacles', time + 0.03, []))
+    result = run(path, messages, {'frame_id': 'odom', **KINDS[kind]},
+                 INSTANCE if kind == 'ids' else POLYGON, footprints=['footprint:=/footprint'])
+    assert result.problems == [] and not any(source.rejected for source in result.sources)
+    return result
+
+
+def compare(moving, fixed, near):
+    """Compare contacts and separations; near is a tolerance in m and in s."""
+    assert len(moving.contacts) == len(fixed.contacts)
+    for one, other in zip(moving.contacts, fixed.contacts):
+        assert (one.obstacle, one.found) == (other.obstacle, other.found)
+        assert [one.first, one.last, *filter(None, one.between)] == pytest.approx(
+            [other.first, other.last, *filter(None, other.between)], rel=0.0, abs=near * 1e9)
+        assert one.depth == pytest.approx(other.depth, abs=near)
+    known = dict(fixed.footprints[0].separation)
+    both = [(value, known[time]) for time, value in moving.footprints[0].separation
+            if value is not None and known.get(time) is not None]
+    assert len(both) > 0.9 * len(known)
+    assert [one for one, _ in both] == pytest.approx([other for _, other in both], abs=near)
+
+
+@pytest.mark.parametrize('kind', KINDS)
+@pytest.mark.parametrize('delay', (0.0, 0.06))
+@pytest.mark.parametrize('turning', (0.0, 0.4))
+def test_motion_is_that_of_the_fixed_frame(tmp_path, kind, delay, turning):
+    """Each body is placed at its own stamp, though others arrive while it waits."""
+    fixed = recorded(tmp_path / 'fixed', kind, delay, turning, ('odom', 'odom'))
+    assert [contact.obstacle for contact in fixed.contacts] == [
+        f'{SOURCE}/{k + (kind == "ids")}' for k in (2, 0, 1)]
+    for frames in (('odom', 'laser'), ('laser', 'odom'), ('laser', 'laser')):
+        moving = recorded(tmp_path / '-'.join(frames), kind, delay, turning, frames)
+        # Without rotation the numbers are identical.
+        compare(moving, fixed, 1e-5 if turning else 0.0)
+
+
+SCENE = {
+    'frame_id': FIXED, 'transform_timeout': 1.0, 'footprints': ['robot', 'cart'],
+    'robot.topic': '/footprint', 'robot.timeout': 0.0, 'cart.timeout': 0.0,
+    'cart.frame_id': 'base', 'cart.rate': 1000.0, 'cart.points': [
+        number for corner in OUTLINE for number in (corner.real, corner.imag)],
+    f'{SOURCE}.type': 'polygon_instance', f'{SOURCE}.timeout': 60.0}
+
+
+def touching(result, time):
+    """Return the footprints and obstacles in contact at a time."""
+    return {(contact.footprint, contact.obstacle) for contact in result.contacts
+            if contact.first <= nanoseconds(time) and (
+                nanoseconds(time) < contact.last or contact.at_end)}
+
+
+@pytest.mark.parametrize('seed', range(8))
+def test_contacts_of_random_scenes_are_those_of_the_fixed_frame(tmp_path, seed):
+    """And those of the true poses, at the end of each window when all messages have arrived."""
+    scene = MovingScene(seed, START)
+    moving, fixed = (
+        run(tmp_path / name, [(topic, time, data) for time, topic, data in events], SCENE,
+            INSTANCE, as_live=True)
+        for name, events in (('moving', scene.moving), ('fixed', scene.fixed)))
+    for result in (moving, fixed):
+        assert (result.problems, result.notes) == ([], [UNSEEN])
+        assert not any(source.rejected for source in result.sources)
+    for window in range(WINDOWS):
+        end = (window + 1) * WINDOW
+        bodies = {**scene.truth[window], 'cart': scene.outline(end)}
+        rings = {name: [(corner.real, corner.imag) for corner in ring]
+                 for name, ring in bodies.items()}
+        true = {(name, f'{SOURCE}/{key}') for name in ('robot', 'cart')
+                for key in rings.keys() - {'robot', 'cart'}
+                if oracle.intersects(rings[name], rings[key])}
+        assert touching(moving, end) == touching(fixed, end) == true

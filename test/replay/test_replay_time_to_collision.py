@@ -7,18 +7,178 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Times to collision in recordings: by commands, and with moving obstacles."""
+"""Times to collision in recordings: by motion, by commands, and with moving obstacles."""
 
+import csv
 from fractions import Fraction
+import json
 import math
 import struct
+from xml.etree import ElementTree
 
 from builders import command, SECOND, serialised, transforms
+import numpy as np
+from published import DATA
 import pytest
-from recordings import box, check, declared, INSTANCE, MARKS, nanoseconds, SOURCE, write
+from recordings import (
+    box, check, declared, INSTANCE, main, MARKS, nanoseconds, SOURCE, STAMPS, write)
 from sat_collision.messages.interfaces import deserialize, DiagnosticArray, Float64
 from sat_collision.replay.bag.recording import Recording
-from sat_collision.replay.model.result import Limits, Options
+from sat_collision.replay.model.result import Limits, Options, Verdict
+
+NUPLAN = json.loads((DATA / 'prediction.json').read_text())['time_to_collision']
+
+
+def samples(result):
+    """Return the times to collision by tenths of a second."""
+    return {round((time - result.origin) * 10 / SECOND): value
+            for time, value in result.footprints[0].time_to_collision}
+
+
+def known(result):
+    return {k: value for k, value in samples(result).items() if value is not None}
+
+
+def approach(gap=Fraction(5), back=30):
+    """Return a robot at 5/4 m/s before a wall, which drives back after some tenths."""
+    messages = []
+    for k in range(back + 20):
+        x = Fraction(min(k, 2 * back - k), 8)
+        messages += [('/footprint', k / 10, box(float(x))),
+                     ('/obstacles', k / 10, box(float(1 + gap))), ('/obstacles', k / 10, [])]
+    return messages
+
+
+def test_time_until_within_the_margin(tmp_path):
+    result = check(write(tmp_path / 'bag', approach()),
+                   Options(min_ttc=0.5, parameters={'margin': 0.25}))
+    assert samples(result)[29] == pytest.approx(0.9, abs=1e-9)
+
+
+def test_times_before_a_wall_are_exact(tmp_path):
+    """Unknown at first, then 5 m at 5/4 m/s, and none while it drives back."""
+    result = check(write(tmp_path / 'bag', approach()), Options(min_ttc=0.5))
+    found = samples(result)
+    assert result.unknown[0].last == nanoseconds(0.1) and found.pop(0) is None
+    for k, value in found.items():
+        exact = (5 - Fraction(k, 8)) / Fraction(5, 4)
+        if 10 < k < 30:
+            assert exact - Fraction(1, 10**9) < value <= exact
+        elif k != 10:
+            assert value is None
+    least = result.footprints[0].soonest
+    assert (least.time, least.obstacle) == (nanoseconds(2.9), f'{SOURCE}/0')
+    assert least.time_to_collision == found[29] == pytest.approx(1.1, abs=1e-9)
+    assert result.verdict is Verdict.CLEAR
+
+
+def test_time_with_two_moving_bodies(tmp_path):
+    """12 m apart at 2 m/s and 3 m/s; every tenth message is refused."""
+    messages = []
+    for k in range(20):
+        own = box(k / 5) if k % 10 else [*box(k / 5), (math.nan, 0)]
+        messages += [('/footprint', k / 10, own), ('/obstacles', k / 10, box(13 - 3 * k / 10)),
+                     ('/obstacles', k / 10, [])]
+    result = check(write(tmp_path / 'bag', messages), Options(min_ttc=0.0))
+    assert known(result) == {k: pytest.approx(2.4 - k / 10, abs=1e-5)
+                             for k in (*range(1, 9), *range(11, 19))}
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_times_on_arcs_are_never_late(tmp_path, seed):
+    """Compared with constant twists sampled every millisecond."""
+    shapely = pytest.importorskip('shapely')
+    affine_transform = pytest.importorskip('shapely.affinity').affine_transform
+    rng = np.random.default_rng(seed)
+    speed, turn = rng.uniform(1, 3), rng.choice([-1, 1]) * rng.uniform(0.3, 1.0)
+    outline = shapely.Polygon([(-0.5, -0.3), (1, -0.3), (1, 0.3), (-0.5, 0.3)])
+
+    def placed(time):
+        c, s = math.cos(turn * time), math.sin(turn * time)
+        return affine_transform(outline, [c, -s, s, c, speed / turn * s, speed / turn * (1 - c)])
+
+    x, y = placed(2.6).centroid.coords[0]
+    wall = shapely.box(x - 0.4, y - 0.4, x + 0.4, y + 0.4)
+    messages = []
+    for k in range(15):
+        messages += [('/footprint', k / 10, [*placed(k / 10).exterior.coords][:-1]),
+                     ('/walls', k / 10, [*wall.exterior.coords][:-1])]
+    result = check(write(tmp_path / 'bag', messages),
+                   Options(footprints=('/footprint',), obstacles=('/walls',), min_ttc=0.0,
+                           parameters=declared(STAMPS, 'walls')))
+    touched = next(time for time in np.arange(0, 3.5, 1e-3) if placed(time).intersects(wall))
+    found = known(result)
+    assert len(found) >= 10
+    for k, value in found.items():
+        assert touched - 1e-3 - 2e-3 / speed <= value + k / 10 <= touched + 1e-4
+
+
+@pytest.mark.parametrize('scene', NUPLAN, ids=lambda scene: scene['name'])
+def test_scenes_of_nuplan(tmp_path, scene):
+    """The time at the scene's moment is the first of its exact ones."""
+    def at(points, velocity, tenths):
+        return (np.array(points) + np.array(velocity) * tenths / 10).tolist()
+
+    messages = []
+    for k in range(5):
+        for number, (track, velocity, _, _) in enumerate(scene['tracks'], 1):
+            messages.append(('/tracks', k / 10, serialised(
+                at(track, velocity, k - 3), nanoseconds(k / 10), instance=number)))
+        messages.append(('/ego', k / 10, at(scene['ego'], scene['ego_velocity'], k - 3)))
+    result = check(write(tmp_path / 'bag', messages, types={'/tracks': INSTANCE}), Options(
+        footprints=('/ego',), obstacles=('tracks:=/tracks',), min_ttc=scene['horizon'],
+        parameters={'tracks.timeout': 0.2, 'future_tolerance': 0.05}))
+    first = min((exact for *_, exact in scene['tracks'] if exact is not None), default=None)
+    assert samples(result)[3] == (first if first is None else pytest.approx(first, abs=1e-4))
+
+
+def test_no_time_while_unknown(tmp_path):
+    """Before the first whole set, and while the wall is silent."""
+    messages = [(topic, time, content) for topic, time, content in approach(Fraction(3), back=20)
+                if topic == '/footprint' or not 1.0 < time < 3.0]
+    result = check(write(tmp_path / 'bag', messages),
+                   Options(min_ttc=0.0, parameters={f'{SOURCE}.timeout': 0.5}))
+    unknown = [(one.first, one.last) for one in result.unknown]
+    assert len(unknown) == 2 and unknown[1][1] - unknown[1][0] > SECOND
+    assert not any(first <= time < last for first, last in unknown for time, value in (
+        result.footprints[0].time_to_collision) if value is not None)
+    assert len(known(result)) > 5
+
+
+def test_min_ttc(tmp_path, capsys):
+    """It drives back 1.1 s before the wall."""
+    bag = str(write(tmp_path / 'bag', approach()))
+    files = {option: str(tmp_path / f'result.{option}') for option in ('json', 'csv', 'junit')}
+    outputs = [part for option, path in files.items() for part in (f'--{option}', path)]
+    assert main([bag, *outputs, '--max-unknown', '1']) == 0
+    footprint, = json.load(open(files['json']))['bags'][0]['footprints']
+    assert not {'soonest', 'time_to_collision'} & {*footprint}
+    assert main([bag, '--min-ttc', '1']) == main([bag, '--min-ttc', '0']) == 0
+    capsys.readouterr()
+    page = tmp_path / 'page.html'
+    assert main([bag, *outputs, '--plot', str(page), '--min-ttc', '1.5']) == 1
+    assert '"ahead":[[0.0,null],[0.1,null],' in page.read_text()
+    words = f'a collision with {SOURCE}/0 was 1.100 s ahead at 2.900 s, --min-ttc is 1.5 s'
+    assert f'footprint: {words}' in capsys.readouterr().out
+    failure = ElementTree.parse(files['junit']).find('.//testcase[@name="footprint"]/failure')
+    assert failure.get('message') == words
+    found, = json.load(open(files['json']))['bags']
+    footprint, = found['footprints']
+    assert (found['verdict'], found['min_ttc'], found['contacts']) == ('collision', 1.5, [])
+    assert footprint['soonest'] == {'time_to_collision': pytest.approx(1.1, abs=1e-9),
+                                    'time': nanoseconds(2.9), 'obstacle': f'{SOURCE}/0'}
+    with open(files['csv'], newline='') as file:
+        rows = [row for row in csv.DictReader(file) if row['kind'] == 'time to collision']
+    assert [float(row['time_to_collision_s']) for row in rows] == [
+        value for _, value in footprint['time_to_collision'] if value is not None]
+    assert rows[-1]['first_ns'] == str(nanoseconds(2.9))
+    assert main([bag, '--min-ttc', '1.5', '--expect', files['json']]) == 0
+
+
+def test_min_ttc_needs_recorded_motion(capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(['bag', '--min-ttc', '1', '--as-live'])
+    assert ended.value.code == 3 and '--min-ttc' in capsys.readouterr().err
 
 
 def published(bag):
@@ -26,15 +186,14 @@ def published(bag):
     topics = ['/footprint_monitor/footprint/time_to_collision', '/footprint_monitor/state']
     times, states = {}, {}
     with Recording(bag, Limits()) as recording:
-        for topic, time, data in ((topic, time, data)
-                                  for topic, times, row in recording.rows(topics)
-                                  for time, data in zip(times, row)):
-            time = Fraction(time - nanoseconds(0.0), SECOND)
-            if topic == topics[0]:
-                times[time] = deserialize(data, Float64).data
-            else:
-                status, = deserialize(data, DiagnosticArray).status
-                states[time] = {one.key: one.value for one in status.values}
+        for topic, received, row in recording.rows(topics):
+            for time, data in zip(received, row):
+                time = Fraction(time - nanoseconds(0.0), SECOND)
+                if topic == topics[0]:
+                    times[time] = deserialize(data, Float64).data
+                else:
+                    status, = deserialize(data, DiagnosticArray).status
+                    states[time] = {one.key: one.value for one in status.values}
     return times, states
 
 
@@ -82,12 +241,6 @@ def run(path, messages, kind, parameters=PARAMETERS, **options):
     return result
 
 
-def samples(result):
-    """Return the times to collision by tenths of a second."""
-    return {round((time - result.origin) * 10 / SECOND): value
-            for time, value in result.footprints[0].time_to_collision}
-
-
 @pytest.mark.parametrize('kind', [STAMPED, TWIST])
 @pytest.mark.parametrize('clock', ['receive', 'header'])
 @pytest.mark.parametrize('is_upside_down', [False, True])
@@ -100,9 +253,9 @@ def test_prediction_by_commands(tmp_path, kind, clock, is_upside_down):
     found = samples(result)
     assert found == {k: None if k < 1 or 5 / SPEEDS[k] > 3 else
                      pytest.approx(float(5 / SPEEDS[k]), abs=1e-5) for k in found}
-    assert sum(value is not None for value in found.values()) >= 90
+    assert len(known(result)) >= 90
     # The wall is rounded to float32.
-    assert all(value is None or value <= 5 / SPEEDS[k] + 1e-6 for k, value in found.items())
+    assert all(value <= 5 / SPEEDS[k] + 1e-6 for k, value in known(result).items())
     least = result.footprints[0].soonest
     assert least.time_to_collision == pytest.approx(5 / 6, abs=1e-5)
     assert least.obstacle == f'{SOURCE}/0'
@@ -111,8 +264,7 @@ def test_prediction_by_commands(tmp_path, kind, clock, is_upside_down):
 
 
 def test_prediction_without_commands_uses_the_motion(tmp_path):
-    parameters = {**PARAMETERS}
-    del parameters['footprint.cmd_vel']
+    parameters = {name: PARAMETERS[name] for name in PARAMETERS if name != 'footprint.cmd_vel'}
     result = run(tmp_path / 'bag', stand(16, [order(TWIST, 0, 9.0)]), TWIST, parameters,
                  min_ttc=0.1)
     assert set(samples(result).values()) == {None}
@@ -124,8 +276,8 @@ def test_prediction_is_unknown_without_a_valid_command(tmp_path):
     commands += [order(STAMPED, 11, 0.0, 5.0), order(STAMPED, 12, math.nan),
                  order(STAMPED, 13, 0.0, 5.0, frame_id='odom')]
     result = run(tmp_path / 'bag', stand(16, commands), STAMPED, min_ttc=0.1)
-    known = {k for k, value in samples(result).items() if value is not None}
-    assert known >= {3, 4, 5, 6, 7, 8, 11} and not known & {10, 12, 13, 14, 15}
+    found = known(result).keys()
+    assert found >= {3, 4, 5, 6, 7, 8, 11} and not found & {10, 12, 13, 14, 15}
     source, = (one for one in result.sources if one.name == 'footprint.cmd_vel')
     assert source.rejected == {'no velocity of a robot': 1, 'command in another frame': 1}
     assert source.examples['no velocity of a robot'].startswith(
@@ -225,43 +377,41 @@ def test_least_time_to_collision_is_exact(tmp_path, moving):
 
 
 def published_as_live(path, messages, moving=True):
-    """Return what the node would publish: time in s, time to collision, values of the state."""
+    """Return what the node would publish while clear: time and time to collision in s, state."""
     replay(path / 'bag', messages, moving, as_live=True, write_bag=str(path / 'out'))
     times, states = published(path / 'out')
-    return [(time, times.get(time), state) for time, state in states.items()]
+    return [(time, times.get(time), state) for time, state in states.items()
+            if state['state'] == 'clear']
 
 
 def test_times_with_moving_obstacles_as_live(tmp_path):
     """Never late, at most 1 mm early, and none before each body came twice."""
-    known = 0
-    for time, seconds, state in published_as_live(tmp_path, approaching()):
-        if state['state'] == 'clear' and time > 2 * TICK:
-            known += 1
-            assert exact(time) - Fraction(1, 1000) <= seconds <= exact(time) + Fraction(1, 10**9)
-            assert state['first contact with'] == 'people/7'
-            assert state['obstacles of unknown motion'] == ''
-    assert known > 10
+    found = [one for one in published_as_live(tmp_path, approaching()) if one[0] > 2 * TICK]
+    assert len(found) > 10
+    for time, seconds, state in found:
+        assert exact(time) - Fraction(1, 1000) <= seconds <= exact(time) + Fraction(1, 10**9)
+        assert state['first contact with'] == 'people/7'
+        assert state['obstacles of unknown motion'] == ''
 
 
 def test_obstacles_as_live_are_at_rest_unless_moving(tmp_path):
     """The robot comes to where the person last was; the box is out of reach."""
-    known = 0
-    for time, seconds, state in published_as_live(tmp_path, approaching(), moving=False):
-        if state['state'] == 'clear' and seconds < math.inf:
-            known += 1
-            seen = time - time % TICK
-            left = (APART + PERSON * seen - ROBOT * time) / ROBOT
-            before = (APART + PERSON * (seen - TICK) - ROBOT * time) / ROBOT
-            assert any(one - Fraction(1, 100) <= seconds <= one + Fraction(1, 10**9)
-                       for one in (left, before))
-    assert known > 5
+    found = [(time, seconds) for time, seconds, _ in published_as_live(
+        tmp_path, approaching(), moving=False) if seconds < math.inf]
+    assert len(found) > 5
+    for time, seconds in found:
+        seen = time - time % TICK
+        left, before = ((APART + PERSON * last - ROBOT * time) / ROBOT
+                        for last in (seen, seen - TICK))
+        assert any(one - Fraction(1, 100) <= seconds <= one + Fraction(1, 10**9)
+                   for one in (left, before))
 
 
 def test_unknown_motion_as_live(tmp_path):
     """The person beside changes shape: for one message the motion is unknown."""
     states = [(time, seconds, state['obstacles of unknown motion'])
               for time, seconds, state in published_as_live(tmp_path, approaching(changed=12))
-              if state['state'] == 'clear' and time > 2 * TICK]
+              if time > 2 * TICK]
     unknown = [time for time, _, names in states if names]
     assert {names for _, _, names in states} == {'', 'people/8'}
     assert unknown and 12 * TICK <= min(unknown) and max(unknown) <= 13 * TICK

@@ -31,12 +31,6 @@ INFORMATION = 'rosbag2_bagfile_information'
 SECOND = 10**9
 
 
-def cut(path, share):
-    """Keep only the first share of a file."""
-    data = path.read_bytes()
-    path.write_bytes(data[:int(share * len(data))])
-
-
 def long_drive():
     """Return messages that fill several chunks and pages: over 4 MB."""
     ring = [(5.0, k / 400) for k in range(400)] + [(6.0, 1.0), (6.0, 0.0)]
@@ -50,43 +44,10 @@ def long_drive():
 def test_every_storage_and_compression_is_read(tmp_path, storage, compression):
     """Plain, zstd by file, by message and by chunk."""
     result = check(write(tmp_path / 'bag', drive(), storage, compression))
-    assert result.problems == []
-    assert result.messages == ALL
+    assert (result.problems, result.messages) == ([], ALL)
     contact, = result.contacts
     assert contact.between == [result.start + 39 * 10**8, result.start + 5 * 10**9]
     assert contact.depth == 0.25
-
-
-@pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
-def test_storage_file_without_metadata_is_read(tmp_path, storage):
-    result = check(storage_file(write(tmp_path / 'bag', drive(), storage)))
-    assert (result.problems, result.messages) == ([], ALL)
-
-
-@pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
-def test_split_recording_is_read_in_order(tmp_path, storage):
-    """Two storage files in one metadata.yaml, as ros2 bag record splits them."""
-    messages = drive()
-    first = write(tmp_path / 'first', messages[:100], storage)
-    second = write(tmp_path / 'second', messages[100:], storage)
-    split = tmp_path / 'split'
-    shutil.copytree(first, split)
-    shutil.copy(storage_file(second), split)
-    names = [storage_file(first).name, storage_file(second).name]
-    metadata = (first / 'metadata.yaml').read_text().replace(
-        f'- {names[0]}\n', f'- {names[0]}\n  - {names[1]}\n', 1)
-    for few, all_of_them in ((100, ALL), (34, 101), (66, 202)):
-        metadata = metadata.replace(f'message_count: {few}\n', f'message_count: {all_of_them}\n')
-    assert names[1] in metadata
-    (split / 'metadata.yaml').write_text(metadata)
-    result = check(split)
-    assert result.problems == []
-    assert result.messages == ALL
-    assert [contact.depth for contact in result.contacts] == [0.25]
-    (split / names[1]).unlink()
-    result = check(split)
-    assert result.messages == 100
-    assert any(names[1] in problem and 'missing' in problem for problem in result.problems)
 
 
 def split(bag, storage='mcap', compression=None):
@@ -108,6 +69,19 @@ def split(bag, storage='mcap', compression=None):
         count['message_count'] *= 4
     (bag / 'metadata.yaml').write_text(yaml.safe_dump({INFORMATION: whole}))
     return files, whole
+
+
+@pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
+def test_split_recording_is_read_in_order(tmp_path, storage):
+    """Storage files in one metadata.yaml, as ros2 bag record splits them."""
+    files, _ = split(tmp_path / 'bag', storage)
+    result = check(tmp_path / 'bag')
+    assert (result.problems, result.messages) == ([], 600)
+    assert [contact.depth for contact in result.contacts] == [0.25]
+    files[1].unlink()
+    result = check(tmp_path / 'bag')
+    assert result.messages == 450
+    assert any(f'{files[1].name} is missing' in problem for problem in result.problems)
 
 
 @pytest.mark.parametrize('is_packed', (False, True))
@@ -235,34 +209,22 @@ def test_rows_of_files_are_in_the_order_of_time(tmp_path, seed):
 
 
 @pytest.mark.parametrize('as_live', (False, True))
-@pytest.mark.parametrize('part', ({}, {'start': 2.0, 'duration': 6.0}))
-def test_recording_that_begins_at_zero(tmp_path, as_live, part):
-    """As of a simulation; all messages are in one chunk."""
-    file = write_mcap(tmp_path / 'a.mcap', [
-        (topic, time - START / SECOND, points) for topic, time, points in drive()], 10**6)
-    result = check(file, Options(as_live=as_live, **part))
+@pytest.mark.parametrize('messages, written, checked', [
+    *(([(topic, time - START / SECOND, points) for topic, time, points in drive()],
+       {'chunk_size': 10**6}, part) for part in ({}, {'start': 2.0, 'duration': 6.0})),
+    ([('/elsewhere', -START / SECOND, []), *drive()], {'chunk_size': 10**6}, {}),
+    *(([(topic, -START / SECOND, serialised(points, nanoseconds(time)))
+        for topic, time, points in drive()], {'indexes': indexes}, {'clock': 'header'})
+      for indexes in ('ALL', 'CHUNK', 'NONE'))],
+    ids=('begins there', 'begins there, a part', 'one message of another topic', 'all, indexed',
+         'all, with indexes of chunks', 'all, without indexes'))
+def test_messages_received_at_zero(tmp_path, messages, written, checked, as_live):
+    """As of a simulation; what is in the same chunk is checked nevertheless."""
+    result = check(write_mcap(tmp_path / 'a.mcap', messages, **written),
+                   Options(as_live=as_live, **checked))
     assert (result.problems, result.verdict) == ([], Verdict.COLLISION)
-    assert result.origin == 0
-
-
-@pytest.mark.parametrize('as_live', (False, True))
-def test_one_message_received_at_zero(tmp_path, as_live):
-    """Of another topic; what is in the same chunk is checked nevertheless."""
-    messages = [('/elsewhere', -START / SECOND, []), *drive()]
-    result = check(write_mcap(tmp_path / 'a.mcap', messages, 10**6), Options(as_live=as_live))
-    assert (result.problems, result.verdict) == ([], Verdict.COLLISION)
-
-
-@pytest.mark.parametrize('as_live', (False, True))
-@pytest.mark.parametrize('indexes', ('ALL', 'CHUNK', 'NONE'))
-def test_all_messages_received_at_zero(tmp_path, as_live, indexes):
-    """Their stamps are the clock."""
-    file = write_mcap(tmp_path / 'a.mcap', [
-        (topic, -START / SECOND, serialised(points, nanoseconds(time)))
-        for topic, time, points in drive()], indexes=indexes)
-    result = check(file, Options(as_live=as_live, clock='header'))
-    assert (result.problems, result.messages) == ([], ALL)
-    assert result.verdict is Verdict.COLLISION
+    assert 'start' in checked or result.messages == ALL
+    assert result.origin == (START if 'clock' in checked else 0)
 
 
 @pytest.mark.parametrize('clock', ('receive', 'header'))
@@ -303,9 +265,8 @@ def test_missing_metadata_is_reported(tmp_path, storage):
     bag = write(tmp_path / 'bag', drive(contact=(0, 0)), storage)
     (bag / 'metadata.yaml').unlink()
     result = check(bag)
-    assert result.messages == ALL
-    assert result.verdict is Verdict.BAD_INPUT
     problem, = result.problems
+    assert (result.messages, result.verdict) == (ALL, Verdict.BAD_INPUT)
     assert str(bag / 'metadata.yaml') in problem and 'reindex' in problem
 
 
@@ -320,27 +281,20 @@ def test_file_of_another_name_than_listed_is_read(tmp_path, storage):
     assert file.name in result.problems[0] and 'renamed' in result.problems[0]
 
 
-@pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
-@pytest.mark.parametrize('share', (0.3, 0.7, 0.99))
-def test_truncated_file_is_read_up_to_its_end(tmp_path, storage, share):
-    """As from a killed recorder."""
-    bag = write(tmp_path / 'bag', long_drive(), storage)
-    cut(storage_file(bag), share)
+@pytest.mark.parametrize('storage, compression, share', [
+    *((storage, None, share) for storage in ('mcap', 'sqlite3') for share in (0.3, 0.7, 0.99)),
+    ('mcap', 'file', 0.7)])
+def test_truncated_file_is_read_up_to_its_end(tmp_path, storage, compression, share):
+    """As from a killed recorder; in a zstd frame that is truncated, too."""
+    bag = write(tmp_path / 'bag', long_drive(), storage, compression)
+    file = storage_file(bag)
+    data = file.read_bytes()
+    file.write_bytes(data[:int(share * len(data))])
     result = check(bag)
     assert result.verdict is Verdict.BAD_INPUT
-    assert any(str(storage_file(bag)) in problem for problem in result.problems)
+    assert any(str(file) in problem for problem in result.problems)
     assert 0.5 * share * 2000 < result.messages < 2000
     assert result.footprints[0].least.separation == 4.0
-
-
-def test_truncated_compressed_file_is_read_up_to_its_end(tmp_path):
-    """Both the zstd frame and the storage file in it are truncated."""
-    bag = write(tmp_path / 'bag', long_drive(), 'mcap', 'file')
-    cut(storage_file(bag), 0.7)
-    result = check(bag)
-    assert result.verdict is Verdict.BAD_INPUT
-    assert any(str(storage_file(bag)) in problem for problem in result.problems)
-    assert result.messages > 0
 
 
 def test_unindexed_file_is_read(tmp_path):
@@ -349,30 +303,24 @@ def test_unindexed_file_is_read(tmp_path):
     file = storage_file(bag)
     data = file.read_bytes()
     footer = len(data) - 8 - 20
-    file.write_bytes(data[:footer] + bytes(20) + data[-8:])
-    result = check(bag)
-    assert (result.problems, result.messages) == ([], ALL)
-    file.write_bytes(data[:footer - 9])
-    result = check(bag)
-    assert result.messages == ALL
-    assert result.verdict is Verdict.COLLISION and result.problems
+    for content, is_reported in (
+            (data[:footer] + bytes(20) + data[-8:], False), (data[:footer - 9], True)):
+        file.write_bytes(content)
+        result = check(bag)
+        assert (result.messages, result.verdict) == (ALL, Verdict.COLLISION)
+        assert bool(result.problems) is is_reported
 
 
 @pytest.mark.parametrize('name, content', [
     ('a.mcap', b'nonsense' * 99), ('a.db3', b'nonsense' * 99), ('a.bag', b'#ROSBAG V2.0\n'),
-    ('a.txt', b'text')])
-def test_other_files_are_bad_input(tmp_path, name, content):
-    (tmp_path / name).write_bytes(content)
+    ('a.txt', b'text'), ('nowhere', None), ('', None)])
+def test_other_paths_are_bad_input(tmp_path, name, content):
+    """Other files, none, and an empty directory."""
+    if content:
+        (tmp_path / name).write_bytes(content)
     result = check(tmp_path / name)
     assert result.verdict is Verdict.BAD_INPUT
-    assert name in result.problems[0]
-
-
-def test_missing_path_and_empty_directory_are_bad_input(tmp_path):
-    for path in (tmp_path / 'nowhere', tmp_path):
-        result = check(path)
-        assert result.verdict is Verdict.BAD_INPUT
-        assert str(path) in result.problems[0]
+    assert str(tmp_path / name) in result.problems[0]
 
 
 def test_topic_of_another_type_is_bad_input(tmp_path):

@@ -92,8 +92,8 @@ def test_failed_picture_does_not_take_the_others_with_it(bags, tmp_path, monkeyp
     ('--json', 'stored.json', 'is an input'),
     ('--json', 'nowhere/a.json', 'no directory'),
     ('--csv', 'clear', 'is a directory'),
-    ('--plot', 'a.xyz', 'should end in'),
-    ('--plot', 'a', 'should end in'),
+    *(('--plot', name, 'should end in .html for a page, or in .png, .svg or .pdf for a picture')
+      for name in ('a.mp4', 'a')),
     ('--write-bag', 'clear', 'already exists'),
     ('--write-bag', 'dangling', 'already exists')])
 def test_invalid_output_paths_are_refused_before_the_run(
@@ -252,17 +252,23 @@ def test_junit_with_a_baseline(bags, tmp_path):
     assert failures['clear'] == 'expected, but not checked' and 'touching' in failures
 
 
-def test_missing_topic_is_reported_with_the_nearest_name(bags, capsys):
-    assert main([bags[0], '--footprint', '/footprints']) == 2
-    assert 'no topic /footprints; did you mean /footprint?' in capsys.readouterr().out
-
-
-def test_topic_that_no_name_means_is_not_suggested(tmp_path, capsys):
-    """A recording may have topics without a slash, which every name is given."""
-    bag = write_mcap(tmp_path / 'a.mcap', [('footprint', 0.0, box(0.0))])
-    assert main([str(bag)]) == 2
-    out = capsys.readouterr().out
-    assert 'no topic /footprint;' in out and 'did you mean' not in out
+@pytest.mark.parametrize('topics, arguments, words', [
+    (['/footprint', '/obstacles'], ['--footprint', '/footprints'],
+     '/footprints; did you mean /footprint?'),
+    # Not meant by any name, as each is given a slash.
+    (['footprint', '/people'], ['--obstacles', '/people'],
+     '/footprint; it has footprint (polygon): choose with --footprint'),
+    (['/footprint', '/people'], ['--obstacles', '/persons'],
+     '/persons; it has /people (polygon): choose with --obstacles'),
+    (['/footprint', '/people'], ['--footprint', '/robot', '--obstacles', '/persons'],
+     '/robot; it has /footprint (polygon), /people (polygon): choose with --footprint')],
+    ids=['nearest name', 'topic without a slash', 'unused topic', 'unused topics'])
+def test_missing_topic_is_reported_with_what_there_is(tmp_path, capsys, topics, arguments, words):
+    bag = write_mcap(tmp_path / 'a.mcap', [(topic, 0.0, box(0)) for topic in topics])
+    assert main([str(bag), *arguments], None) == 2
+    missing = f'the recording has no topic {words.partition(" ")[0]}'
+    line, = (line for line in capsys.readouterr().out.splitlines() if missing in line)
+    assert line.endswith(words)
 
 
 @pytest.mark.parametrize('module, arguments, library', [
@@ -286,30 +292,12 @@ def test_scheduler_that_does_not_answer(bags, capsys, monkeypatch):
     assert 'no scheduler answers at tcp://127.0.0.1:9' in lines[-1]
 
 
-def test_unknown_kind_of_plot_is_reported_with_the_kinds(bags, capsys):
-    assert main([bags[0], '--plot', 'a.mp4']) == 3
-    error = capsys.readouterr().err
-    assert all(kind in error for kind in ('.html', '.png', '.svg', '.pdf')) and '.ps' not in error
-
-
 def test_topic_taken_for_a_recording_is_reported(bags, capsys):
     """As in `--obstacles a b BAG`."""
     assert main(['--obstacles', '/obstacles', '/b', bags[0]]) == 3
     out, error = capsys.readouterr()
     assert '/b is taken for a recording' in error and error.count('\n') == 1
     assert f'{bags[0]}: CLEAR' in out
-
-
-def test_missing_topic_is_reported_with_unused_topics(bags, tmp_path, capsys):
-    bag = write(tmp_path / 'bag', [(topic, k / 10, box(0)) for k in range(20)
-                                   for topic in ('/footprint', '/people')])
-    main([str(bag), '--obstacles', '/persons'], None)
-    line, = (line for line in capsys.readouterr().out.splitlines() if 'no topic' in line)
-    assert '/persons; it has /people (polygon): choose with --obstacles' in line
-    assert '/footprint' not in line
-    main([str(bag), '--footprint', '/robot', '--obstacles', '/persons'], None)
-    line, = (line for line in capsys.readouterr().out.splitlines() if 'no topic /robot' in line)
-    assert line.endswith('it has /footprint (polygon), /people (polygon): choose with --footprint')
 
 
 @pytest.mark.parametrize('name', ('a.bag', 'a.db3'))

@@ -194,6 +194,8 @@ def agrees_json(bag):
 def agrees_csv(bag, path):
     with path.open(newline='') as file:
         rows = list(csv.DictReader(file))
+    assert all(round(SECOND * float(row['duration_s'])) == int(row['last_ns']) - int(
+        row['first_ns']) for row in rows)
     for kind, key in (('contact', 'contacts'), ('unknown', 'unknown'),
                       ('undetermined', 'undetermined')):
         assert sorted((row['footprint'], row['obstacle'], int(row['first_ns']),

@@ -30,6 +30,7 @@ from selenium.webdriver.common.keys import Keys  # noqa: E402
 CHROMIUM = shutil.which('chromium') or shutil.which('google-chrome')
 DRIVER = shutil.which('chromedriver')
 TIMEOUT = 60.0
+SECOND = 10**9
 
 pytestmark = pytest.mark.skipif(not (CHROMIUM and DRIVER),
                                 reason='install chromium and chromedriver')
@@ -79,38 +80,48 @@ def of_warehouse(tmp_path_factory):
     return path / 'page.html'
 
 
+@pytest.fixture
+def shown(page, of_warehouse):
+    """Return the open page of the example."""
+    return page(of_warehouse)
+
+
 class Page:
     """The contents and controls of an open page."""
 
     def __init__(self, chromium):
         self.chromium = chromium
+        self.run = chromium.execute_script
         self.scrubber = chromium.find_element(By.ID, 'scrubber')
 
+    def find(self, selector):
+        return self.chromium.find_elements(By.CSS_SELECTOR, selector)
+
     def text(self, selector):
-        """Return the text of an element."""
-        return self.chromium.find_element(By.CSS_SELECTOR, selector).text
+        return self.find(selector)[0].text
 
     def texts(self, selector):
-        """Return the texts of all such elements."""
-        return [one.text for one in self.chromium.find_elements(By.CSS_SELECTOR, selector)]
+        return [one.text for one in self.find(selector)]
+
+    @property
+    def time(self):
+        return float(self.text('#clock').split()[0])
 
     def click(self, selector, number=0):
         """Click on an element with the mouse."""
-        found = self.chromium.find_elements(By.CSS_SELECTOR, selector)[number]
-        self.chromium.execute_script('arguments[0].scrollIntoView({block: "center"})', found)
+        found = self.find(selector)[number]
+        self.run('arguments[0].scrollIntoView({block: "center"})', found)
         actions = webdriver.ActionChains(self.chromium)
         # A drawing accepts a click only after a mouse move over it.
         actions.move_to_element_with_offset(found, 2, 1).pause(0.3)
         actions.move_to_element(found).pause(0.3).click().perform()
 
     def choose(self, view):
-        """Choose the view."""
-        options = self.chromium.find_elements(By.CSS_SELECTOR, '#view option')
-        next(one for one in options if one.text == view).click()
+        next(one for one in self.find('#view option') if one.text == view).click()
 
     def drawn(self, colour):
         """Return the bounds in pixels of the footprint with an outline of a colour."""
-        return self.chromium.execute_script("""
+        return self.run("""
             const found = [...document.querySelectorAll('#scene path.footprint')].find(one =>
                 getComputedStyle(one).stroke === arguments[0]);
             const {left, right, top, bottom} = found.getBoundingClientRect();
@@ -119,13 +130,11 @@ class Page:
     def drag(self, share):
         """Move the scrubber to a share of its range."""
         width = self.scrubber.size['width']
-        self.chromium.execute_script('arguments[0].scrollIntoView({block: "center"})',
-                                     self.scrubber)
+        self.run('arguments[0].scrollIntoView({block: "center"})', self.scrubber)
         webdriver.ActionChains(self.chromium).move_to_element_with_offset(
             self.scrubber, round((share - 0.5) * width), 0).click().perform()
 
     def until(self, condition):
-        """Wait until a condition holds."""
         end = time.monotonic() + TIMEOUT
         while not condition():
             assert time.monotonic() < end
@@ -135,9 +144,8 @@ class Page:
 AMR, FORKLIFT, CART = 'rgb(31, 119, 180)', 'rgb(224, 130, 20)', 'rgb(123, 82, 171)'
 
 
-def test_page_opens_at_the_deepest_contact(page, of_warehouse):
+def test_page_opens_at_the_deepest_contact(shown):
     """With the recording's name as its title, and all tables."""
-    shown = page(of_warehouse)
     assert shown.chromium.title == shown.text('#name') == 'warehouse'
     assert shown.text('#verdict') == 'collision' and not shown.text('#index')
     assert shown.text('#clock') == '9.698 s'
@@ -147,25 +155,21 @@ def test_page_opens_at_the_deepest_contact(page, of_warehouse):
     assert 'recorded motion' in shown.text('#facts') and '1869 messages' in shown.text('#facts')
 
 
-def test_scrubber_changes_the_time(page, of_warehouse):
+def test_scrubber_changes_the_time(shown):
     """By mouse and keyboard."""
-    shown = page(of_warehouse)
     shown.choose('whole scene')
     shown.drag(0.1)
     early = shown.drawn(AMR)
-    assert float(shown.text('#clock').split()[0]) == pytest.approx(1.6, abs=0.3)
+    assert shown.time == pytest.approx(1.6, abs=0.3)
     shown.drag(0.9)
-    late = shown.drawn(AMR)
-    assert float(shown.text('#clock').split()[0]) == pytest.approx(14.4, abs=0.3)
+    late, before = shown.drawn(AMR), shown.time
+    assert before == pytest.approx(14.4, abs=0.3)
     assert late[0] > early[1] and late[2:] == early[2:]
-    before = shown.text('#clock')
-    for _ in range(20):
-        shown.scrubber.send_keys(Keys.ARROW_LEFT)
-    assert shown.text('#clock') < before and shown.drawn(AMR)[0] < late[0]
+    shown.scrubber.send_keys(*[Keys.ARROW_LEFT] * 20)
+    assert shown.time < before and shown.drawn(AMR)[0] < late[0]
 
 
-def test_view_follows_a_footprint(page, of_warehouse):
-    shown = page(of_warehouse)
+def test_view_follows_a_footprint(shown):
     shown.choose('follow amr')
     places = []
     for share in (0.3, 0.6):
@@ -177,16 +181,14 @@ def test_view_follows_a_footprint(page, of_warehouse):
 @pytest.mark.parametrize('number, name, clock, colour', [
     (0, 'cart', '5.998 s', CART), (2, 'forklift', '11.998 s', FORKLIFT)])
 def test_click_on_a_contact_in_the_table_shows_its_deepest_moment(
-        page, of_warehouse, number, name, clock, colour):
+        shown, number, name, clock, colour):
     """And centres the footprint."""
-    shown = page(of_warehouse)
     shown.click('#contacts tbody tr', number)
     assert shown.text('#clock') == clock
     state, = (text for text in shown.texts('#states li') if text.startswith(name))
     assert 'in contact with warehouse' in state
     left, right, top, bottom = shown.drawn(colour)
-    scene = shown.chromium.execute_script(
-        'return document.getElementById("scene").getBoundingClientRect().toJSON()')
+    scene = shown.run('return at("scene").getBoundingClientRect().toJSON()')
     assert scene['left'] < left < right < scene['right']
     assert scene['top'] < top < bottom < scene['bottom']
     assert right - left > 0.2 * scene['width']
@@ -194,11 +196,10 @@ def test_click_on_a_contact_in_the_table_shows_its_deepest_moment(
 
 
 @pytest.mark.parametrize('number, count, normal', [(0, 2, [0, 1]), (1, 1, [1, 0]), (2, 2, [0, 1])])
-def test_points_and_normal_of_a_contact_are_drawn(page, of_warehouse, number, count, normal):
+def test_points_and_normal_of_a_contact_are_drawn(shown, number, count, normal):
     """On the screen y points down; at other times they are faint."""
-    shown = page(of_warehouse)
     shown.click('#contacts tbody tr', number)
-    drawn = shown.chromium.execute_script("""
+    drawn = shown.run("""
         return [...document.querySelectorAll('#scene .manifold path')].map(one => {
             const length = one.getTotalLength();
             const [from, to] = [0, length].map(way => one.getPointAtLength(way));
@@ -206,15 +207,13 @@ def test_points_and_normal_of_a_contact_are_drawn(page, of_warehouse, number, co
         });""")
     assert drawn == [normal] * count
     assert len(shown.texts('#scene .manifold circle')) == count
-    group = shown.chromium.find_element(By.CSS_SELECTOR, '#scene .manifold')
-    assert group.get_attribute('opacity') == '1'
+    opacity = 'return at("scene").querySelector(".manifold").getAttribute("opacity")'
+    assert shown.run(opacity) == '1'
     shown.scrubber.send_keys(*[Keys.ARROW_RIGHT] * 8)
-    group = shown.chromium.find_element(By.CSS_SELECTOR, '#scene .manifold')
-    assert group.get_attribute('opacity') == '0.3'
+    assert shown.run(opacity) == '0.3'
 
 
-def test_click_on_a_bar_shows_the_deepest_moment(page, of_warehouse):
-    shown = page(of_warehouse)
+def test_click_on_a_bar_shows_the_deepest_moment(shown):
     clocks = set()
     for number in range(3):
         shown.click('#timeline rect.bar.contact', number)
@@ -222,28 +221,24 @@ def test_click_on_a_bar_shows_the_deepest_moment(page, of_warehouse):
     assert clocks == {'9.698 s', '5.998 s', '11.998 s'}
 
 
-def test_click_on_the_timeline(page, of_warehouse):
-    shown = page(of_warehouse)
+def test_click_on_the_timeline(shown):
     shown.click('#timeline svg path.zero')
-    assert float(shown.text('#clock').split()[0]) == pytest.approx(8.0, abs=0.3)
+    assert shown.time == pytest.approx(8.0, abs=0.3)
 
 
-def test_drag_over_the_timeline_zooms_and_a_double_click_resets(page, of_warehouse):
-    shown = page(of_warehouse)
+def test_drag_over_the_timeline_zooms_and_a_double_click_resets(shown):
     widths = []
-    timeline = shown.chromium.find_element(By.ID, 'timeline')
+    timeline, = shown.find('#timeline')
     for act in (lambda actions: actions,
                 lambda actions: actions.move_to_element(timeline).click_and_hold()
                 .move_by_offset(200, 0).release(),
                 lambda actions: actions.move_to_element(timeline).double_click()):
         act(webdriver.ActionChains(shown.chromium)).perform()
-        widths.append(shown.chromium.find_element(
-            By.CSS_SELECTOR, '#timeline rect.bar.contact').rect['width'])
+        widths.append(shown.find('#timeline rect.bar.contact')[0].rect['width'])
     assert widths[1] > 1.5 * widths[0] == pytest.approx(1.5 * widths[2])
 
 
-def test_scene_plays_to_its_end(page, of_warehouse):
-    shown = page(of_warehouse)
+def test_scene_plays_to_its_end(shown):
     shown.drag(0.97)
     shown.click('#play')
     shown.until(lambda: shown.text('#play') == 'Play')
@@ -254,10 +249,10 @@ def test_short_bar_is_visible_on_a_long_axis(page, tmp_path):
     main([str(write(tmp_path / 'long', drive(300.0, rate=4.0, contact=(170.0, 170.2)))),
           '--plot', str(tmp_path / 'page.html')])
     shown = page(tmp_path / 'page.html')
-    bar = shown.chromium.find_element(By.CSS_SELECTOR, '#timeline rect.bar.contact')
+    bar, = shown.find('#timeline rect.bar.contact')
     assert bar.value_of_css_property('stroke-width') == '2px'
     shown.click('#contacts tbody tr')
-    assert shown.text('#clock').startswith('169.') or shown.text('#clock').startswith('170.')
+    assert 169.0 <= shown.time < 171.0
 
 
 @pytest.mark.long
@@ -290,21 +285,19 @@ def test_several_recordings_have_an_index_with_the_worst_first(page, tmp_path, c
         assert bool(remarks) is (name in ('damaged', 'silent'))
 
 
-def test_state_is_unknown_as_in_the_table(page, of_warehouse):
-    shown = page(of_warehouse)
+def test_state_is_unknown_as_in_the_table(shown):
     for moment, words in ((0.02, 'unknown: obstacle source'), (0.25, 'unknown: obstacle source'),
                           (0.49, 'unknown: obstacle source'), (0.51, 'clear, about')):
-        shown.chromium.execute_script('location.hash = arguments[0]', f't={moment}')
+        shown.run('location.hash = arguments[0]', f't={moment}')
         shown.until(lambda: shown.text('#clock') == f'{moment:.3f} s')
         assert all(words in state for state in shown.texts('#states li'))
 
 
-def test_keyboard_and_screen_reader(page, of_warehouse):
+def test_keyboard_and_screen_reader(shown):
     """The timeline is a slider with a value text; space plays and pauses."""
-    shown = page(of_warehouse)
-    timeline = shown.chromium.find_element(By.ID, 'timeline')
-    said = timeline.get_attribute('aria-valuetext')
-    assert said.startswith('9.698 s, amr in contact with people/0')
+    timeline, = shown.find('#timeline')
+    assert timeline.get_attribute('aria-valuetext').startswith(
+        '9.698 s, amr in contact with people/0')
     timeline.send_keys(Keys.HOME)
     assert shown.text('#clock') == '0.000 s'
     timeline.send_keys(Keys.PAGE_UP, Keys.PAGE_UP)
@@ -312,14 +305,13 @@ def test_keyboard_and_screen_reader(page, of_warehouse):
     assert shown.scrubber.get_attribute('aria-valuetext').startswith('1.600 s, amr clear')
     timeline.send_keys(Keys.SPACE)
     assert shown.text('#play') == 'Pause'
-    shown.until(lambda: float(shown.text('#clock').split()[0]) > 1.8)
+    shown.until(lambda: shown.time > 1.8)
     timeline.send_keys(Keys.SPACE)
     assert shown.text('#play') == 'Play'
 
 
-def test_link_to_a_moment(page, of_warehouse):
+def test_link_to_a_moment(shown, of_warehouse):
     """The address follows the time, and sets it."""
-    shown = page(of_warehouse)
     shown.click('#contacts tbody tr', 2)
     assert shown.chromium.current_url.endswith('#t=11.998')
     shown.chromium.get('about:blank')
@@ -328,9 +320,8 @@ def test_link_to_a_moment(page, of_warehouse):
     shown.chromium.get(of_warehouse.as_uri())
 
 
-def test_tables_are_sorted_by_a_clicked_column(page, of_warehouse):
+def test_tables_are_sorted_by_a_clicked_column(shown):
     """Numbers as numbers, ascending and descending."""
-    shown = page(of_warehouse)
     for column, wanted in ((5, ['0', '0.15', '0.3938']), (5, ['0.3938', '0.15', '0']),
                            (1, ['amr', 'cart', 'forklift'])):
         shown.click(f'#contacts th:nth-child({column}) button')
@@ -370,10 +361,10 @@ def of_crowd(tmp_path_factory):
 @pytest.mark.parametrize('scheme', ('light', 'dark'))
 def test_page_fits_desktop_and_phone(page, of_crowd, width, height, scheme):
     """No text is cut off, the controls are small, and colours are readable."""
-    chromium = page(of_crowd).chromium
-    device(chromium, width, height, scheme)
-    chromium.refresh()
-    size = chromium.execute_script("""
+    shown = page(of_crowd)
+    device(shown.chromium, width, height, scheme)
+    shown.chromium.refresh()
+    size = shown.run("""
         const style = getComputedStyle(document.body);
         const light = colour => colour.match(/[0-9]+/g).slice(0, 3).map(Number)
             .reduce((a, b) => a + b);
@@ -390,9 +381,7 @@ def test_page_fits_desktop_and_phone(page, of_crowd, width, height, scheme):
     assert size[2] < 0.1 * height
     assert (size[3] > size[4] + 300) is (scheme == 'light')
     assert (size[4] > size[3] + 300) is (scheme == 'dark')
-    colours = chromium.execute_script("""
-        return recording.footprints.map(one => one.colour);""")
-    assert len(set(colours)) == 13
+    assert len({*shown.run('return recording.footprints.map(one => one.colour)')}) == 13
 
 
 # For each text that is shown: its contrast with what is behind it, and the text.
@@ -422,26 +411,31 @@ CONTRASTS = """
     return found;"""
 
 
+def result_of(seconds, *names, **more):
+    """Return the result of a recording of some seconds."""
+    return Result('bag', origin=0, start=0, end=seconds * SECOND, footprints=[
+        FootprintResult(name, '/a', True) for name in names], **more)
+
+
 @pytest.mark.parametrize('scheme', ('light', 'dark'))
 def test_texts_have_contrast(page, tmp_path, scheme):
     """Of 4.5 at least: in all colours of footprints, in bars, and of all verdicts."""
-    result = Result('bag', origin=0, start=0, end=4 * 10**9)
     names = [f'robot{k}' for k in range(8)]
-    result.footprints = [FootprintResult(name, '/a', True) for name in names]
-    result.unknown = [Unknown('robot0', 0, 3 * 10**9, ('lost',))]
-    result.undetermined = [Unknown('robot2', 0, 10**9, ('a gap',))]
-    result.contacts = [Contact('robot1', 'shelf/0', 10**9, 3 * 10**9, 0.1, 10**9, 0.0, 0.0)]
-    result.keyframes = Keyframes([0, 4 * 10**9])
+    result = result_of(
+        4, *names, keyframes=Keyframes([0, 4 * SECOND]),
+        unknown=[Unknown('robot0', 0, 3 * SECOND, ('lost',))],
+        undetermined=[Unknown('robot2', 0, SECOND, ('a gap',))],
+        contacts=[Contact('robot1', 'shelf/0', SECOND, 3 * SECOND, 0.1, SECOND, 0.0, 0.0)])
     write_page([result], tmp_path / 'page.html')
     shown = page(tmp_path / 'page.html')
     device(shown.chromium, 1280, 900, scheme)
     for verdict in ('collision', 'clear', 'unknown', 'bad-input'):
-        shown.chromium.execute_script(
+        shown.run(
             "at('verdict').className = arguments[0]; go(arguments[1])", verdict, 2.0)
-        found = shown.chromium.execute_script(CONTRASTS)
+        found = shown.run(CONTRASTS)
         assert {'unknown', 'shelf/0', *names} <= {text.strip() for _, text in found}
         assert [one for one in found if one[0] < 4.5] == []
-    assert shown.chromium.execute_script("""
+    assert shown.run("""
         return [...document.querySelectorAll('#timeline .bar title')].map(
             one => one.textContent);""") == [
         'unknown from 0.000 to 3.000 s', 'robot1 and shelf/0, 0.1 m deep',
@@ -450,14 +444,12 @@ def test_texts_have_contrast(page, tmp_path, scheme):
 
 def test_unknown_times_of_one_cause_are_one_row(page, tmp_path):
     """Of several footprints, and of intervals that follow on each other."""
-    result = Result('bag', origin=0, start=0, end=9 * 10**9)
-    result.footprints = [FootprintResult(name, '/a', True) for name in ('one', 'two')]
-    result.unknown = [
-        Unknown(name, first * 10**9, last * 10**9, reasons)
-        for name in ('one', 'two') for first, last, reasons in (
-            (0, 1, ('no map', 'no people')), (1, 3, ('no map',)), (5, 6, ('no map',)))]
-    result.unknown.append(Unknown('two', 7 * 10**9, 8 * 10**9, ('no map',)))
-    write_page([result], tmp_path / 'page.html')
+    unknown = [('one', 0, 1, 'no map', 'no people'), ('one', 1, 3, 'no map'),
+               ('one', 5, 6, 'no map'), ('two', 0, 1, 'no map', 'no people'),
+               ('two', 1, 3, 'no map'), ('two', 5, 6, 'no map'), ('two', 7, 8, 'no map')]
+    write_page([result_of(9, 'one', 'two', unknown=[
+        Unknown(name, first * SECOND, last * SECOND, reasons)
+        for name, first, last, *reasons in unknown])], tmp_path / 'page.html')
     shown = page(tmp_path / 'page.html')
     assert shown.texts('#unknown tbody tr') == [
         'one, two 0.000 1.000 no people', 'one, two 0.000 3.000 no map',
@@ -480,7 +472,7 @@ def test_time_to_collision_has_a_title_and_a_unit(page, with_times_to_collision,
     shown = page(with_times_to_collision)
     device(shown.chromium, width, 844)
     shown.chromium.refresh()
-    heights = dict(shown.chromium.execute_script("""
+    heights = dict(shown.run("""
         return [...document.querySelectorAll('#timeline text')].map(
             one => [one.textContent, Number(one.getAttribute('y'))]);"""))
     assert 80 < heights['0 s'] - heights['Time to collision'] < 120
@@ -490,37 +482,42 @@ def test_time_to_collision_has_a_title_and_a_unit(page, with_times_to_collision,
 
 def test_plan_in_contact_is_drawn_while_it_counts(page, tmp_path):
     """Its way, and the outline where it meets the obstacle; a click in the table shows it."""
-    result = Result('bag', origin=0, start=0, end=4 * 10**9)
-    result.footprints = [FootprintResult('robot', '/a', True, plans=2)]
-    result.plan_contacts = [PlanContact(
-        'robot', 'shelf/0', 10**9, 2 * 10**9, 0.9, 9.0, [[0.5, 0.5], [9.5, 0.5]], box(9.0))]
-    keyframes = result.keyframes = Keyframes([0, 4 * 10**9])
+    keyframes = Keyframes([0, 4 * SECOND])
     keyframes.add(True).show(0, 2, 'robot', np.array(box(0.0)))
+    result = result_of(4, 'robot', keyframes=keyframes, plan_contacts=[PlanContact(
+        'robot', 'shelf/0', SECOND, 2 * SECOND, 0.9, 9.0, [[0.5, 0.5], [9.5, 0.5]], box(9.0))])
+    result.footprints[0].plans = 2
     write_page([result], tmp_path / 'page.html')
     shown = page(tmp_path / 'page.html')
     plans = 'return document.querySelectorAll("#scene path.plan").length'
-    assert shown.text('#clock') == '0.000 s' and shown.chromium.execute_script(plans) == 0
+    assert shown.text('#clock') == '0.000 s' and shown.run(plans) == 0
     shown.click('[id="plans in contact"] tbody tr')
-    assert shown.text('#clock') == '1.000 s' and shown.chromium.execute_script(plans) == 2
-    assert shown.chromium.execute_script(
+    assert shown.text('#clock') == '1.000 s' and shown.run(plans) == 2
+    assert shown.run(
         'return getComputedStyle(document.querySelector("#scene .plan.contact")).stroke'
     ) == 'rgb(214, 39, 40)'
     shown.drag(0.9)
-    assert shown.chromium.execute_script(plans) == 0
+    assert shown.run(plans) == 0
+
+
+def with_long_curves(count, rng, **more):
+    """Return a result of five minutes with footprints that have as many samples as are kept."""
+    result = result_of(300, *(f'robot{k}' for k in range(count)), **more)
+    for footprint in result.footprints:
+        footprint.separation = [(int(t), float(v)) for t, v in zip(
+            np.linspace(0, 300e9, 4096), rng.random(4096))]
+    return result
 
 
 @pytest.mark.long
 def test_page_of_many_recordings_has_at_most_eight_megabytes(tmp_path):
     """With long curves, and plans of many places."""
     rng = np.random.default_rng(1)
-    result = Result('bag', origin=0, start=0, end=300 * 10**9)
-    result.footprints = [FootprintResult(f'robot{k}', '/a', True, plans=200) for k in range(3)]
+    result = with_long_curves(3, rng, plan_contacts=[PlanContact(
+        'robot0', 'shelf/0', SECOND * k, SECOND * (k + 1), 0.9, 9.0, rng.random((200, 2)).tolist(),
+        box(9.0)) for k in range(200)])
     for footprint in result.footprints:
-        footprint.separation = [(int(t), float(v)) for t, v in zip(
-            np.linspace(0, 300e9, 4096), rng.random(4096))]
-    result.plan_contacts = [PlanContact(
-        'robot0', 'shelf/0', 10**9 * k, 10**9 * (k + 1), 0.9, 9.0, rng.random((200, 2)).tolist(),
-        box(9.0)) for k in range(200)]
+        footprint.plans = 200
     write_page(30 * [result], tmp_path / 'page.html')
     assert 3_000_000 < (tmp_path / 'page.html').stat().st_size <= 8_000_000
 
@@ -528,15 +525,14 @@ def test_page_of_many_recordings_has_at_most_eight_megabytes(tmp_path):
 @pytest.mark.long
 def test_tables_of_many_recordings_say_how_much_more_there_is(tmp_path):
     """Of twelve recordings, each with more contacts and unknown times than its share can hold."""
-    result = Result('bag', origin=0, start=0, end=2000 * 10**9)
-    result.footprints = [FootprintResult('robot', '/a', True)]
-    result.problems = [f'{20 * "words "}{k}' for k in range(150)]
-    result.contacts = [Contact('robot', f'shelves/{k}', 10**9 * k, 10**9 * k + 10**8, 0.1,
-                               10**9 * k) for k in range(300)]
-    result.unknown = [Unknown('robot', 10**9 * k, 10**9 * k + 10**8, [f'{500 * "words "}{k}'])
-                      for k in range(2000)]
-    result.plan_contacts = [PlanContact('robot', 'shelf/0', 10**9 * k, 10**9 * (k + 1), 0.9, 9.0)
-                            for k in range(250)]
+    result = result_of(
+        2000, 'robot', problems=[f'{20 * "words "}{k}' for k in range(150)],
+        contacts=[Contact('robot', f'shelves/{k}', SECOND * k, SECOND * k + 10**8, 0.1, SECOND * k)
+                  for k in range(300)],
+        unknown=[Unknown('robot', SECOND * k, SECOND * k + 10**8, [f'{500 * "words "}{k}'])
+                 for k in range(2000)],
+        plan_contacts=[PlanContact('robot', 'shelf/0', SECOND * k, SECOND * (k + 1), 0.9, 9.0)
+                       for k in range(250)])
     write_page(12 * [result], tmp_path / 'page.html')
     text = (tmp_path / 'page.html').read_text()
     assert 3_000_000 < len(text) <= 8_000_000
@@ -561,16 +557,13 @@ def test_tables_of_many_recordings_say_how_much_more_there_is(tmp_path):
 def test_page_has_at_most_eight_megabytes(page, tmp_path, bodies, moments):
     """With many obstacles, long curves and many unknown intervals."""
     rng = np.random.default_rng(1)
-    result = Result('bag', origin=0, start=0, end=300 * 10**9)
-    result.footprints = [FootprintResult(f'robot{k}', '/a', True) for k in range(40)]
-    for footprint in result.footprints:
-        footprint.separation = [(int(t), float(v)) for t, v in zip(
-            np.linspace(0, 300e9, 4096), rng.random(4096))]
-    result.unknown = [Unknown(f'robot{k % 40}', 10**6 * k, 10**6 * k + 5 * 10**5, ['silent'])
-                      for k in range(100_000)]
-    result.contacts = [Contact('robot0', 'obstacle/1', 10**9 * k, 10**9 * k + 10**8, 0.1,
-                               10**9 * k) for k in range(290)]
-    keyframes = result.keyframes = Keyframes(np.linspace(0, 300e9, moments).astype(int).tolist())
+    keyframes = Keyframes(np.linspace(0, 300e9, moments).astype(int).tolist())
+    result = with_long_curves(
+        40, rng, keyframes=keyframes,
+        unknown=[Unknown(f'robot{k % 40}', 10**6 * k, 10**6 * k + 5 * 10**5, ['silent'])
+                 for k in range(100_000)],
+        contacts=[Contact('robot0', 'obstacle/1', SECOND * k, SECOND * k + 10**8, 0.1, SECOND * k)
+                  for k in range(290)])
     for number in range(bodies + 1):
         body = keyframes.add(number == 0)
         places = 100 * rng.random((moments, 1, 2)) + rng.random((moments, 4, 2))
@@ -581,4 +574,4 @@ def test_page_has_at_most_eight_megabytes(page, tmp_path, bodies, moments):
     assert (tmp_path / 'page.html').stat().st_size <= 8_000_000
     shown = page(tmp_path / 'page.html')
     assert shown.text('#verdict') == 'collision'
-    assert shown.chromium.execute_script('return recording.times.length') >= 12
+    assert shown.run('return recording.times.length') >= 12

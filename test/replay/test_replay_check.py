@@ -17,8 +17,8 @@ from builders import collection, polygon_2d, SECOND, serialised
 from published import load
 import pytest
 from recordings import (
-    box, check, COLLECTION, declared, drive, INSTANCE, MARKS, NAMES, nanoseconds, POLYGON_2D,
-    published, SOURCE, STAMPS, START, write)
+    box, check, COLLECTION, declared, drive, MARKS, NAMES, nanoseconds, POLYGON_2D, published, run,
+    SOURCE, STAMPS, START, write)
 from sat_collision.messages.cdr import decode
 from sat_collision.messages.ingest import Ingest
 from sat_collision.replay import check as replay
@@ -28,6 +28,8 @@ from storages import storage_file
 
 
 LIVE = Options(as_live=True)
+WITH_WALLS = {'obstacles': ['seen', 'walls'], 'seen.topic': '/obstacles', 'walls.timeout': 0.0,
+              **declared(MARKS, 'seen', 'walls')}
 
 
 def since(result, *times):
@@ -44,8 +46,7 @@ def standing(end, topics=('/footprint', '/obstacles'), rate=10):
 @pytest.mark.parametrize('clock', ('receive', 'header'))
 @pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
 @pytest.mark.parametrize('name', NAMES)
-def test_contacts_of_a_recording_are_exact(
-        monkeypatch, name, storage, clock):
+def test_contacts_of_a_recording_are_exact(monkeypatch, name, storage, clock):
     """When the set of a stamp is whole, contacts equal those computed exactly."""
     expected = load('recordings')[name]['contacts']
     seen = {}
@@ -102,7 +103,7 @@ def test_footprint_alone_deepens_a_contact(tmp_path):
     """The obstacle is sent once."""
     messages = [('/obstacles', 0.0, box(2))]
     messages += [('/footprint', 0.1 + k / 10, box(x)) for k, x in enumerate([0, 1.25, 1.5, 1.0])]
-    result = check(write(tmp_path / 'bag', messages), LIVE)
+    result = run(tmp_path, messages, MARKS, as_live=True)
     assert [contact.depth for contact in result.contacts] == [0.5]
 
 
@@ -127,15 +128,10 @@ def test_silence_begins_at_its_timeout(tmp_path):
 
 def test_obstacle_is_forgotten_after_its_timeout(tmp_path):
     """When a message is stamped that much later."""
-    messages = []
-    for k in range(60):
-        messages.append(('/footprint', k / 10, box(0)))
-        stamp = START + k * SECOND // 10
-        if k == 10:
-            messages.append(('/tracks', k / 10, serialised(box(0.5), stamp, instance=7)))
-        messages.append(('/tracks', k / 10, serialised(box(9), stamp, instance=8)))
-    result = check(write(tmp_path / 'bag', messages, types={'/tracks': INSTANCE}), LIVE,
-                   set_end=None)
+    messages = [('/footprint', k / 10, box(0)) for k in range(60)] + [
+        ('/tracks', k / 10, serialised(box(x), nanoseconds(k / 10), instance=number))
+        for k in range(60) for number, x in ((7, 0.5), (8, 9)) if number == 8 or k == 10]
+    result = run(tmp_path, messages, None, as_live=True)
     contact, = result.contacts
     assert contact.obstacle == 'tracks/7'
     assert since(result, contact.first, contact.last) == [1.0, pytest.approx(3.1, abs=1e-6)]
@@ -241,9 +237,8 @@ def test_simulation_that_was_reset_is_not_clear(tmp_path, as_live, back):
         (topic, time, serialised(points, stamp(time)))
         for topic, time, points in drive(40.0, contact=(20.2, 20.4) if back else (0.0, 0.0)))]
     bag = write(tmp_path / 'bag', messages, latched=['/walls'])
-    result = check(bag, Options(as_live=as_live, clock=HEADER, max_unknown=20.0, parameters={
-        'obstacles': ['seen', 'walls'], 'seen.topic': '/obstacles', 'walls.timeout': 0.0,
-        **declared(MARKS, 'seen', 'walls')}))
+    result = check(bag, Options(as_live=as_live, clock=HEADER, max_unknown=20.0,
+                                parameters=WITH_WALLS))
     if not back:
         assert (result.verdict, result.problems) == (Verdict.CLEAR, [])
         return
@@ -264,11 +259,8 @@ def test_stamps_of_obstacles_and_maps_may_be_in_any_order(tmp_path):
         ('/walls', k / 10, serialised(points, START - 100 * SECOND))
         for k in (0, 15) for points in (box(50), [])]
     bag = write(tmp_path / 'bag', messages, latched=['/walls'])
-    result = check(bag, Options(clock=HEADER, parameters={
-        'obstacles': ['seen', 'walls'], 'seen.topic': '/obstacles', 'walls.timeout': 0.0,
-        **declared(MARKS, 'seen', 'walls')}))
-    assert result.problems == []
-    assert result.verdict is Verdict.CLEAR
+    result = check(bag, Options(clock=HEADER, parameters=WITH_WALLS))
+    assert (result.verdict, result.problems) == (Verdict.CLEAR, [])
 
 
 @pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
@@ -285,14 +277,20 @@ def test_map_recorded_once_must_be_latched(tmp_path, storage, latched, verdict):
 
 
 @pytest.mark.parametrize('as_live', [False, True])
-@pytest.mark.parametrize('wall, verdict', [(0.5, Verdict.COLLISION), (3, Verdict.CLEAR)])
-def test_latched_map_of_before_the_start_counts(tmp_path, as_live, wall, verdict):
-    """As its publisher would send it to a monitor that starts then."""
-    messages = [('/obstacles', 0.0, serialised(points, 0)) for points in (box(5), box(wall), [])]
+@pytest.mark.parametrize('start, stamp, wall, verdict', [
+    (2.0, 0, 0.5, Verdict.COLLISION), (2.0, 0, 3, Verdict.CLEAR),
+    (0.0, nanoseconds(0.3), 3, Verdict.CLEAR), (0.0, nanoseconds(8.0), 3, Verdict.CLEAR)],
+    ids=['received before the start, touched', 'received before the start', 'stamped ahead',
+         'stamped after the end'])
+def test_latched_map_counts_when_it_is_received(tmp_path, as_live, start, stamp, wall, verdict):
+    """Its stamp does not extend the recording; a monitor that starts later is sent it, too."""
+    messages = [('/obstacles', 0.0, serialised(points, stamp))
+                for points in (box(5), box(wall), [])]
     messages += [('/footprint', k / 10, box(0)) for k in range(50)]
     bag = write(tmp_path / 'bag', messages, latched=['/obstacles'])
-    result = check(bag, Options(as_live=as_live, start=2.0, parameters={f'{SOURCE}.timeout': 0.0}))
-    assert (result.verdict, result.unknown) == (verdict, [])
+    result = check(bag, Options(as_live=as_live, start=start, parameters={
+        f'{SOURCE}.timeout': 0.0}))
+    assert (result.verdict, result.unknown, result.end) == (verdict, [], nanoseconds(4.9))
 
 
 @pytest.mark.parametrize('as_live', [False, True])
@@ -320,19 +318,6 @@ def test_header_clock_that_nothing_starts_is_noted(tmp_path, as_live, topic, sta
                                 obstacles=('/obstacles',)))
     assert result.verdict is Verdict.UNKNOWN
     assert ('use --clock receive' in ' '.join(result.notes)) == (topic != '/elsewhere')
-
-
-@pytest.mark.parametrize('as_live', [False, True])
-@pytest.mark.parametrize('ahead', [0.3, 8.0])
-def test_map_stamped_ahead_counts_when_it_is_received(tmp_path, as_live, ahead):
-    """Its stamp neither delays it nor extends the recording."""
-    messages = [('/obstacles', 0.0, serialised(points, nanoseconds(ahead)))
-                for points in (box(3), [])]
-    messages += [('/footprint', k / 10, box(0)) for k in range(50)]
-    bag = write(tmp_path / 'bag', messages, latched=['/obstacles'])
-    result = check(bag, Options(as_live=as_live, parameters={f'{SOURCE}.timeout': 0.0}))
-    assert (result.verdict, result.unknown) == (Verdict.CLEAR, [])
-    assert result.end == nanoseconds(4.9)
 
 
 @pytest.mark.parametrize('clock', ('receive', 'header'))

@@ -24,7 +24,7 @@ import threading
 import time
 
 import pytest
-from recordings import check, declared, drive, main, MARKS, NAMES, published, STAMPS, write
+from recordings import check, declared, drive, main, MARKS, write
 from sat_collision.replay import command, parallel
 from sat_collision.replay.model.result import Options, Verdict
 from sat_collision.replay.output.bag import BagOutputs
@@ -87,12 +87,6 @@ def cluster():
         yield cluster.scheduler_address
 
 
-def test_jobs_give_the_same_results(bags):
-    alone = [parallel.check_one(bag, OPTIONS) for bag in bags]
-    assert summed(parallel.check_here(bags, OPTIONS, 2)) == summed(alone)
-    assert [result.verdict for result in alone] == [Verdict.CLEAR, Verdict.COLLISION] * 2
-
-
 def test_progress_of_several_jobs_counts_recordings(bags, monkeypatch):
     """Bars of single processes would overwrite each other."""
     shown = []
@@ -105,6 +99,13 @@ def checked(bags, options, request, on_cluster):
     """Return the results of several processes, here or on a cluster."""
     return [*(parallel.check_on_cluster(bags, options, request.getfixturevalue('cluster'))
               if on_cluster else parallel.check_here(bags, options, 2))]
+
+
+@pytest.mark.parametrize('on_cluster', [False, True])
+def test_several_processes_give_the_same_results(bags, request, on_cluster):
+    alone = [parallel.check_one(bag, OPTIONS) for bag in bags]
+    assert summed(checked(bags, OPTIONS, request, on_cluster)) == summed(alone)
+    assert [result.verdict for result in alone] == [Verdict.CLEAR, Verdict.COLLISION] * 2
 
 
 @pytest.mark.parametrize('fault, on_cluster', [(dies, True), *(
@@ -218,11 +219,6 @@ def test_recording_that_kills_every_process(bags, tmp_path, monkeypatch):
     assert '3 attempts' in results[bags[3]].problems[0]
 
 
-def test_cluster_gives_the_same_results(bags, cluster):
-    alone = [parallel.check_one(bag, OPTIONS) for bag in bags]
-    assert summed(parallel.check_on_cluster(bags, OPTIONS, cluster)) == summed(alone)
-
-
 @pytest.mark.long
 def test_cluster_without_workers_left_is_reported(bags, tmp_path, monkeypatch):
     """Instead of waiting for ever: here its one worker dies, and nothing starts it again."""
@@ -257,6 +253,25 @@ def test_relative_paths_are_those_of_the_command(bags, cluster, tmp_path, monkey
     assert outs[0] == outs[1] and 'bad.mcap: BAD INPUT' in outs[0] and str(tmp_path) not in outs[0]
 
 
+def begun(arguments, folder, ending, count=1, **environment):
+    """Start the command in a session of its own; return it when so many files are there."""
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'sat_collision.replay', *arguments], text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True,
+        env={**os.environ, **environment})
+    while len([*folder.rglob(f'*.{ending}')]) < count:
+        assert process.poll() is None
+        time.sleep(0.01)
+    return process
+
+
+def is_interrupted(process):
+    """Wait for the end; return whether an interrupt is all that it is said to be."""
+    _, error = process.communicate(timeout=120)
+    return process.returncode == 2 and error.endswith('replay_check: interrupted\n') and all(
+        line.startswith('replay_check: ') for line in error.splitlines())
+
+
 @pytest.mark.parametrize('number, jobs', (
     (signal.SIGINT, '2'), (signal.SIGTERM, '1'),
     *(pytest.param(*one, marks=pytest.mark.long)
@@ -265,33 +280,20 @@ def test_signal_leaves_no_temporary_files(long_bags, tmp_path, number, jobs):
     """Whether it comes from the terminal, to all processes, or to the command only."""
     temporary = tmp_path / 'temporary'
     temporary.mkdir()
-    process = subprocess.Popen(
-        [sys.executable, '-m', 'sat_collision.replay', *long_bags * 3, '--jobs', jobs],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
-        env={**os.environ, 'TMPDIR': str(temporary)})
-    while len([*temporary.rglob('*.db3')]) < int(jobs):
-        assert process.poll() is None
-        time.sleep(0.01)
+    process = begun([*long_bags * 3, '--jobs', jobs], temporary, 'db3', int(jobs),
+                    TMPDIR=str(temporary))
     if number == signal.SIGINT:
         os.killpg(process.pid, number)
     else:
         process.send_signal(number)
-    _, error = process.communicate(timeout=120)
-    assert process.returncode == 2 and error.endswith('replay_check: interrupted\n')
-    assert all(line.startswith('replay_check: ') for line in error.splitlines())
+    assert is_interrupted(process)
     assert [*temporary.iterdir()] == []
 
 
 def test_killed_command_leaves_no_process(long_bags, tmp_path):
     """Its workers end with it; they have its standard output open as long as they run."""
-    process = subprocess.Popen(
-        [sys.executable, '-m', 'sat_collision.replay', *long_bags, '--jobs', '2'],
-        stdout=subprocess.PIPE, start_new_session=True,
-        env={**os.environ, 'TMPDIR': str(tmp_path)})
+    process = begun([*long_bags, '--jobs', '2'], tmp_path, 'db3', 2, TMPDIR=str(tmp_path))
     try:
-        while len([*tmp_path.rglob('*.db3')]) < 2:
-            assert process.poll() is None
-            time.sleep(0.01)
         process.kill()
         process.communicate(timeout=60)
     finally:
@@ -302,29 +304,11 @@ def test_killed_command_leaves_no_process(long_bags, tmp_path):
 @pytest.mark.parametrize('count', (1, pytest.param(2, marks=pytest.mark.long)))
 def test_interrupt_leaves_no_part_of_a_bag(long_bags, tmp_path, count):
     """Neither under its name nor in a hidden folder, though it ends the processes of jobs, too."""
-    process = subprocess.Popen(
-        [sys.executable, '-m', 'sat_collision.replay', *long_bags[:count], '--jobs', f'{count}',
-         '--as-live', '--write-bag', str(tmp_path / 'out')],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
-    while len([*tmp_path.rglob('*.mcap')]) < count:
-        assert process.poll() is None
-        time.sleep(0.01)
+    process = begun([*long_bags[:count], '--jobs', f'{count}', '--as-live', '--write-bag',
+                     str(tmp_path / 'out')], tmp_path, 'mcap', count)
     os.killpg(process.pid, signal.SIGINT)
-    _, error = process.communicate(timeout=120)
-    assert process.returncode == 2 and error.endswith('replay_check: interrupted\n')
+    assert is_interrupted(process)
     assert [*tmp_path.rglob('*')] == [tmp_path / 'out'] * (count - 1)
-
-
-@pytest.mark.long
-def test_command_on_jobs_and_cluster(cluster, capsys):
-    """Output and exit status are the same."""
-    recordings = [str(published(name)) for name in NAMES]
-    outs = []
-    for arguments in ([], ['--jobs', '2'], ['--dask', cluster]):
-        assert main([*recordings, *arguments], STAMPS) == 1
-        outs.append(capsys.readouterr().out)
-    assert outs[0] == outs[1] == outs[2]
-    assert '11 contacts' in outs[0]
 
 
 @pytest.mark.long
@@ -353,7 +337,7 @@ def test_recording_has_one_name_however_it_is_given(bags, tmp_path, monkeypatch,
         for more in (['--jobs', '1'], ['--jobs', '2'], ['--dask', cluster]):
             assert main([*given, *more]) == 1
             outs.append(capsys.readouterr().out)
-        assert outs[0] == outs[1] == outs[2]
+        assert outs[0] == outs[1] == outs[2] and '  2 contacts, ' in outs[0]
         assert re.findall('(.*): (CLEAR|COLLISION)', outs[0]) == [
             (str(Path(bag)), 'CLEAR' if bag.endswith('bag0') and 'link' not in bag else
              'COLLISION') for bag in given]

@@ -46,10 +46,11 @@ WITHOUT_ROS = """
 """
 
 
-def written(path):
-    """Return the messages of a written bag by topic, with times since START."""
+def written(path, messages):
+    """Return the messages of the bag written for a recording by topic, with times since START."""
+    check(write(path / 'bag', messages), Options(as_live=True, write_bag=str(path / 'out')))
     found = {}
-    with AnyReader([path]) as reader:
+    with AnyReader([path / 'out']) as reader:
         for connection, time, data in reader.messages():
             message = reader.deserialize(data, connection.msgtype)
             found.setdefault(connection.topic, []).append(((time - START) / SECOND, message))
@@ -73,8 +74,7 @@ def run_without_ros(program, *arguments):
 
 def test_written_bag_has_all_topics_at_the_right_times(tmp_path):
     """Flags change with the contact and are repeated at publish_rate."""
-    check(write(tmp_path / 'bag', drive()), Options(as_live=True, write_bag=str(tmp_path / 'out')))
-    topics = written(tmp_path / 'out')
+    topics = written(tmp_path, drive())
     assert set(topics) == {f'/footprint_monitor/{name}' for name in (
         'collision', 'footprint/collision', 'footprint/separation', 'footprint/contacts',
         'footprint/time_to_collision', 'state', 'markers')}
@@ -105,14 +105,10 @@ def test_written_bag_has_all_topics_at_the_right_times(tmp_path):
 def test_written_markers_follow_bodies_in_an_unchanged_state(tmp_path):
     messages = [message for k in range(21) for message in (
         ('/footprint', k / 10, box(k / 4)), ('/obstacles', k / 10, box(50)))]
-    check(write(tmp_path / 'bag', messages),
-          Options(as_live=True, write_bag=str(tmp_path / 'out')))
-    places = {}
-    for time, array in written(tmp_path / 'out')['/footprint_monitor/markers']:
-        for marker in array.markers:
-            if marker.ns == 'footprint/outline':
-                places[time] = min(point.x for point in marker.points)
-    assert places == {k / 10: k / 4 for k in range(21)}
+    assert {time: min(point.x for point in marker.points)
+            for time, array in written(tmp_path, messages)['/footprint_monitor/markers']
+            for marker in array.markers if marker.ns == 'footprint/outline'} == {
+        k / 10: k / 4 for k in range(21)}
 
 
 def test_written_bag_is_the_same_without_ros_and_numba(tmp_path):
@@ -168,9 +164,7 @@ def test_written_flags_continue_through_a_gap_in_messages(tmp_path):
     """Silence would mean that the node died."""
     messages = [(topic, time, points) for time in (0.0, 3.0)
                 for topic, points in (('/footprint', box(0)), ('/obstacles', [(2.0, 0.5)]))]
-    check(write(tmp_path / 'bag', messages),
-          Options(as_live=True, write_bag=str(tmp_path / 'out')))
-    flags = written(tmp_path / 'out')['/footprint_monitor/collision']
+    flags = written(tmp_path, messages)['/footprint_monitor/collision']
     assert max(b[0] - a[0] for a, b in zip(flags, flags[1:])) <= 0.1001
     assert any(flag.data for time, flag in flags if time > 1.0)
 

@@ -54,20 +54,24 @@ def test_robot_would_hit_the_person_without_braking():
 def test_first_demo_does_not_wait_for_the_compiler(tmp_path):
     """After an installation the node runs in plain Python."""
     pytest.importorskip('numba')
-    environment = {name: value for name, value in os.environ.items()
-                   if name != 'NUMBA_DISABLE_JIT'}
+    environment = {**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path)}
+    environment.pop('NUMBA_DISABLE_JIT', None)
     first = subprocess.run(
         [sys.executable, '-c', 'import os, sat_collision.demo.__main__ as demo\n'
          'demo.compile_nothing()\nprint(os.environ.get("NUMBA_DISABLE_JIT"))'],
-        env=environment | {'NUMBA_CACHE_DIR': str(tmp_path)}, capture_output=True, text=True,
-        timeout=60, check=True)
+        env=environment, capture_output=True, text=True, timeout=60, check=True)
     assert first.stdout == '1\n'
 
 
-def test_demo_and_tests_do_not_hear_each_other():
-    """A monitor of a test that runs beside the demo publishes in another domain."""
+@pytest.fixture
+def viewer():
+    """Skip tests of the viewer where its libraries are missing."""
     pytest.importorskip('rclpy')
     pytest.importorskip('matplotlib')
+
+
+def test_demo_and_tests_do_not_hear_each_other(viewer):
+    """A monitor of a test that runs beside the demo publishes in another domain."""
     from sat_collision.demo.show import DOMAINS
     for _ in range(200):
         with locked_domain() as number:
@@ -75,10 +79,8 @@ def test_demo_and_tests_do_not_hear_each_other():
 
 
 @pytest.mark.long
-def test_demo_succeeds(tmp_path):
+def test_demo_succeeds(viewer, tmp_path):
     """Node, publisher and viewer run as three processes over DDS."""
-    pytest.importorskip('rclpy')
-    pytest.importorskip('matplotlib')
     from PIL import Image
     picture, movie = tmp_path / 'demo.png', tmp_path / 'demo.gif'
     result = subprocess.run([sys.executable, '-m', 'sat_collision.demo', '--picture', picture,
@@ -97,10 +99,8 @@ def test_demo_succeeds(tmp_path):
 
 
 @pytest.fixture
-def demo(run, tmp_path):
+def demo(viewer, run, tmp_path):
     """Return the process of the demo, with its children in a session of its own."""
-    pytest.importorskip('rclpy')
-    pytest.importorskip('matplotlib')
     return run('-m', 'sat_collision.demo', '--picture', str(tmp_path / 'demo.png'),
                '--movie', str(tmp_path / 'demo.gif'), start_new_session=True,
                stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
@@ -130,10 +130,8 @@ def test_demo_is_ended_while_the_scene_plays(demo, send, number):
 
 
 @pytest.mark.parametrize('option', ['--picture', '--movie'])
-def test_demo_needs_a_folder_for_its_pictures(tmp_path, option):
+def test_demo_needs_a_folder_for_its_pictures(viewer, tmp_path, option):
     """It says so at once, not after the scene."""
-    pytest.importorskip('rclpy')
-    pytest.importorskip('matplotlib')
     result = subprocess.run([sys.executable, '-m', 'sat_collision.demo', option,
                              tmp_path / 'nowhere' / 'x.png'],
                             capture_output=True, text=True, timeout=60)

@@ -162,12 +162,10 @@ def test_mark_says_that_kernels_are_kept(unprepared, monkeypatch, problem):
     assert (unprepared / 'mark').exists() == (problem is None)
 
 
-def test_short_recording_is_not_compiled_for(unprepared):
-    assert not kernels.choose([long_recording(unprepared / 'drive', 5_000)], Limits())
-
-
 def test_long_recordings_are_compiled_for(unprepared, monkeypatch):
     """One, or several together; cached kernels are always used."""
+    assert not kernels.choose([long_recording(unprepared / 'drive', 5_000)], Limits())
+    monkeypatch.setenv('NUMBA_DISABLE_JIT', '0')
     small = str(write(unprepared / 'small', drive(1.0)))
     monkeypatch.setattr(kernels, '_FEW', 1000)
     long = long_recording(unprepared / 'long')

@@ -39,27 +39,23 @@ def numbers(messages, marks=None):
                 marks and {'/obstacles': lambda data: known.index(data) in marks})]
 
 
-def test_interleaved_runs_are_sorted():
-    """Two publishers on a topic, and a footprint between their stamps that is received last."""
-    messages = [message('/obstacles', 1.0 + k / 100, stamp, k)
-                for k, stamp in enumerate((1.0, 1.0, 1.5, 1.5, 1.0, 1.0, 1.5))]
-    messages.append(message('/footprint', 1.2, 1.25, 7))
-    messages.append(message('/obstacles', 1.3, 1.0, 8))
-    assert numbers(messages) == [('/obstacles', 1.0, [0, 1, 4, 5, 8]), ('/footprint', 1.25, [7]),
-                                 ('/obstacles', 1.5, [2, 3, 6])]
-
-
-def test_run_ends_at_a_message_too_far_from_its_stamp():
-    messages = [message('/obstacles', received, 20.0, k)
-                for k, received in enumerate((11.0, 9.0, 20.0, 30.0, 30.1, 30.2))]
-    assert numbers(messages) == [
-        ('/obstacles', 9.0, [1]), ('/obstacles', 20.0, [0, 2, 3]), ('/obstacles', 30.1, [4]),
-        ('/obstacles', 30.2, [5])]
+@pytest.mark.parametrize('sent, wanted', [
+    ([*(('/obstacles', 1.0 + k / 100, stamp)
+        for k, stamp in enumerate((1.0, 1.0, 1.5, 1.5, 1.0, 1.0, 1.5))),
+      ('/footprint', 1.2, 1.25), ('/obstacles', 1.3, 1.0)],
+     [('/obstacles', 1.0, [0, 1, 4, 5, 8]), ('/footprint', 1.25, [7]),
+      ('/obstacles', 1.5, [2, 3, 6])]),
+    ([('/obstacles', received, 20.0) for received in (11.0, 9.0, 20.0, 30.0, 30.1, 30.2)],
+     [('/obstacles', 9.0, [1]), ('/obstacles', 20.0, [0, 2, 3]), ('/obstacles', 30.1, [4]),
+      ('/obstacles', 30.2, [5])])],
+    ids=['of two publishers, and a footprint between', 'some too far from their stamps'])
+def test_runs_of_one_stamp_are_sorted(sent, wanted):
+    assert numbers([message(*one, k) for k, one in enumerate(sent)]) == wanted
 
 
 def test_run_continues_after_its_beginning_was_passed_on():
     """Its first message was older than all waiting ones."""
-    messages = [message('/obstacles', received, stamp, k) for k, (received, stamp) in enumerate(
+    messages = [message('/obstacles', *one, k) for k, one in enumerate(
         ((0.5, 0.5), (35, 35), (44, 44), (46, 44), (2, 1), (3, 1), (4, 1)))]
     assert sorted(sum((batch for _, _, batch in numbers(messages)), [])) == [*range(7)]
 

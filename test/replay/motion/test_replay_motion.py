@@ -330,13 +330,6 @@ def test_refused_footprint_is_not_interpolated_across(tmp_path):
     assert run(tmp_path / 'refused', [*messages, bad]).contacts == []
 
 
-def test_empty_set_ends_the_motion_of_obstacles(tmp_path):
-    """A later obstacle is another one."""
-    result = run(tmp_path, samples([0] * 9) + samples([-3] * 3, '/obstacles') + [
-        ('/obstacles', 0.3, []), *(('/obstacles', k / 10, box(3)) for k in range(4, 9))])
-    assert (result.verdict, result.contacts) == (Verdict.CLEAR, [])
-
-
 def test_margin_counts_between_messages(tmp_path):
     """A pass at 0.2 m."""
     messages = [('/footprint', k / 10, [(6 * k, 0), (6 * k + 0.5, 0), (6 * k + 0.5, 0.5)])
@@ -378,13 +371,6 @@ def test_footprint_sent_again_counts_once(tmp_path, again, contacts, turned):
     assert result.footprints[0].collision == sum(one.last - one.first for one in result.contacts)
 
 
-def test_obstacle_in_another_frame_is_no_contact(tmp_path):
-    """Even if it is received before the footprint's frame is known."""
-    messages = [('/obstacles', 0.0, serialised(box(0), START, 'odom')),
-                *(('/footprint', time + 0.5, points) for _, time, points in samples([0] * 30))]
-    assert run(tmp_path, messages).contacts == []
-
-
 @pytest.mark.parametrize('clock', ('receive', 'header'))
 @pytest.mark.parametrize('as_live', (False, True))
 def test_times_count_from_the_beginning_of_the_recording(tmp_path, capsys, clock, as_live):
@@ -406,24 +392,35 @@ def test_obstacle_is_held_after_its_last_message(tmp_path):
     assert run_again(tmp_path, as_live=True).verdict is Verdict.COLLISION
 
 
-def test_obstacle_is_held_until_the_set_without_it(tmp_path):
-    """The robot is where it was for a moment between two sets, as the flag says."""
-    messages = samples([0.0] * 9 + [2.5] + [0.0] * 20) + [
-        message for k in range(4) for message in [
-            ('/obstacles', 0.6 * k, box(9.0)),
-            *([('/obstacles', 0.6 * k, box(3.0))] if k < 2 else []), ('/obstacles', 0.6 * k, [])]]
-    result = run(tmp_path, messages, MARKS, parameters={f'{SOURCE}.timeout': 1.0})
-    assert times(result) == pytest.approx([0.88, 0.92])
-    assert result.undetermined == []
-
-
-def test_obstacle_is_held_where_the_next_set_is_late_and_ends_later(tmp_path):
-    """What the robot touched before a silence is decided before its way is forgotten."""
-    messages = samples([0.0] * 14) + [('/footprint', 3.0 + k / 5, box(0.0)) for k in range(5)] + [
-        ('/obstacles', time, box(x)) for time, x in ((1.0, 0.8), (1.0, 9.0), (2.95, 9.0))]
-    result = run(tmp_path, messages, parameters={
-        f'{SOURCE}.timeout': 0.5, 'footprint.timeout': 0.5})
-    assert times(result) == pytest.approx([1.0, 1.3])
+@pytest.mark.parametrize('robot, obstacles, set_end, timeouts, verdict, touches, unknown', [
+    (samples([0] * 9),
+     [*samples([-3] * 3, '/obstacles'), ('/obstacles', 0.3, []),
+      *(('/obstacles', k / 10, box(3)) for k in range(4, 9))], STAMPS, {}, Verdict.CLEAR, [], []),
+    ([('/footprint', 0.5 + k / 10, box(0)) for k in range(30)],
+     [('/obstacles', 0.0, serialised(box(0), START, 'odom'))], STAMPS, {}, Verdict.UNKNOWN, [], []),
+    (samples([0.0] * 9 + [2.5] + [0.0] * 20),
+     [message for k in range(4) for message in [
+         ('/obstacles', 0.6 * k, box(9.0)),
+         *([('/obstacles', 0.6 * k, box(3.0))] if k < 2 else []), ('/obstacles', 0.6 * k, [])]],
+     MARKS, {f'{SOURCE}.timeout': 1.0}, Verdict.COLLISION, [0.88, 0.92], []),
+    ([*samples([0.0] * 14), *(('/footprint', 3.0 + k / 5, box(0.0)) for k in range(5))],
+     [('/obstacles', time, box(x)) for time, x in ((1.0, 0.8), (1.0, 9.0), (2.95, 9.0))],
+     STAMPS, {f'{SOURCE}.timeout': 0.5, 'footprint.timeout': 0.5}, Verdict.COLLISION, [1.0, 1.3],
+     []),
+    (samples([0.0] * 23, every=2.0),
+     [at(0.5, []), *(at(time, points, delay) for time in (1.0, 21.5)
+                     for points, delay in ((box(0.5), 0.0), ([], 0.001)))],
+     MARKS, {f'{SOURCE}.timeout': 20.0, 'footprint.timeout': 5.0}, Verdict.COLLISION,
+     [1.0, 21.0, 21.5, 41.5], [1.0, 21.0])],
+    ids=['not linked across an empty set', 'not in another frame, received before it is known',
+         'held until the set without it', 'held before a silence, where the next set is late',
+         'not linked across more than a timeout, where it was'])
+def test_obstacle_touches_while_it_is_held(
+        tmp_path, robot, obstacles, set_end, timeouts, verdict, touches, unknown):
+    result = run(tmp_path, [*robot, *obstacles], set_end, parameters=timeouts)
+    assert result.verdict is verdict
+    assert times(result) == pytest.approx(touches, abs=1e-6)
+    assert times(result, result.undetermined) == pytest.approx(unknown, abs=1e-6)
 
 
 @pytest.mark.parametrize('every', [0.1, 0.01])
@@ -539,13 +536,3 @@ def test_first_polygons_of_too_large_a_collection_count(tmp_path):
     bag = write(tmp_path / 'bag', messages, types={'/obstacles': COLLECTION})
     result = check(bag, Options(parameters={f'{SOURCE}.max_count': 2}), None)
     assert times(result) == pytest.approx([1.0, 1.1])
-
-
-def test_bodies_are_not_linked_across_more_than_a_timeout_above_ten_seconds(tmp_path):
-    """One that comes again after 20.5 s where it was is held for its timeout of 20 s."""
-    messages = samples([0.0] * 23, every=2.0) + [at(0.5, [])] + [
-        at(time, points, delay) for time in (1.0, 21.5)
-        for points, delay in ((box(0.5), 0.0), ([], 0.001))]
-    result = run(tmp_path, messages, MARKS, parameters={
-        'obstacle.timeout': 20.0, 'footprint.timeout': 5.0})
-    assert times(result) == pytest.approx([1.0, 21.0, 21.5, 41.5], abs=1e-6)

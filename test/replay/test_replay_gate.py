@@ -57,7 +57,6 @@ def test_unexpected_error_is_bad_input(bags, monkeypatch, capsys, debug):
 
 
 def test_unexpected_error_in_an_output_is_bad_input(bags, tmp_path, monkeypatch, capsys):
-    """One line, and a traceback with --debug."""
     monkeypatch.setitem(command._WRITERS, 'json', lambda results, path: [][0])
     for more in ([], ['--debug']):
         assert main([bags[0], '--json', str(tmp_path / 'a.json'), *more]) == 3
@@ -98,7 +97,6 @@ def test_failed_picture_does_not_take_the_others_with_it(bags, tmp_path, monkeyp
     ('--write-bag', 'dangling', 'already exists')])
 def test_invalid_output_paths_are_refused_before_the_run(
         bags, tmp_path, capsys, option, path, words):
-    """And nothing is overwritten."""
     if option == '--plot':
         pytest.importorskip('matplotlib')
     (tmp_path / 'params.png').write_text('/**:\n  ros__parameters:\n    release_delay: 1.0\n')
@@ -302,7 +300,6 @@ def test_topic_taken_for_a_recording_is_reported(bags, capsys):
 
 @pytest.mark.parametrize('name', ('a.bag', 'a.db3'))
 def test_bag_of_ros_1_is_reported(tmp_path, capsys, name):
-    """With the command that converts it."""
     (tmp_path / name).write_bytes(b'#ROSBAG V2.0\n' + bytes(5000))
     assert main([str(tmp_path / name)]) == 3
     line, = (line for line in capsys.readouterr().out.splitlines() if 'problem' in line)

@@ -76,7 +76,6 @@ def test_zeroed_chunk_is_reported(tmp_path, first, last, indexed):
 
 @pytest.mark.parametrize('start', (10**6, 2**63 - 1, 2**63, 2**64 - 1))
 def test_summary_offset_beyond_the_file(tmp_path, start):
-    """All messages are read nevertheless."""
     file = write_mcap(tmp_path / 'a.mcap', CLEAR)
     data = bytearray(file.read_bytes())
     struct.pack_into('<Q', data, len(data) - len(MAGIC) - 20, start)
@@ -530,7 +529,6 @@ def test_checksum_of_the_data_section_is_compared(tmp_path, chunked):
 
 
 def test_folder_of_recordings_is_bad_input(tmp_path):
-    """The message names the recordings in it, not metadata to restore."""
     write(tmp_path / 'bags' / 'one', CLEAR)
     problem = problem_of(tmp_path / 'bags')
     assert 'folder of recordings' in problem and str(tmp_path / 'bags' / 'one') in problem
@@ -543,7 +541,6 @@ def test_folder_of_recordings_is_bad_input(tmp_path):
     *(('a.mcap', b'\x89MCAP0\r\n'[:size], 'it ends before its first record: the recorder was '
        'ended before it wrote anything, or it was not copied whole') for size in (3, 8))])
 def test_file_without_a_record(tmp_path, name, content, words):
-    """The message says what it is, and what to do."""
     (tmp_path / name).write_bytes(content)
     assert problem_of(tmp_path / name) == f'{tmp_path / name}: {words}; record or copy it again'
 

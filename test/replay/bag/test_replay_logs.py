@@ -109,7 +109,6 @@ FRAME = 24 + 4096
 
 
 def files_of(folder):
-    """Return names and contents."""
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 

@@ -42,7 +42,6 @@ def long_drive():
     ('mcap', None), ('mcap', 'storage'), ('sqlite3', None), ('sqlite3', 'file'),
     ('sqlite3', 'message'), ('mcap', 'file'), ('mcap', 'message')])
 def test_every_storage_and_compression_is_read(tmp_path, storage, compression):
-    """Plain, zstd by file, by message and by chunk."""
     result = check(write(tmp_path / 'bag', drive(), storage, compression))
     assert (result.problems, result.messages) == ([], ALL)
     contact, = result.contacts
@@ -139,7 +138,6 @@ def test_file_of_several_that_was_renamed_is_read(tmp_path, is_unpacked):
 
 
 def test_digits_in_names_of_files_that_are_no_numbers(tmp_path):
-    """Such as a superscript."""
     bag = write(tmp_path / 'bag', drive())
     storage_file(bag).rename(bag / 'run5²0.mcap')
     assert check(bag).messages == ALL
@@ -261,7 +259,6 @@ def test_chunks_without_messages_have_no_time(tmp_path):
 
 @pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))
 def test_missing_metadata_is_reported(tmp_path, storage):
-    """Every message is read."""
     bag = write(tmp_path / 'bag', drive(contact=(0, 0)), storage)
     (bag / 'metadata.yaml').unlink()
     result = check(bag)
@@ -315,7 +312,6 @@ def test_unindexed_file_is_read(tmp_path):
     ('a.mcap', b'nonsense' * 99), ('a.db3', b'nonsense' * 99), ('a.bag', b'#ROSBAG V2.0\n'),
     ('a.txt', b'text'), ('nowhere', None), ('', None)])
 def test_other_paths_are_bad_input(tmp_path, name, content):
-    """Other files, none, and an empty directory."""
     if content:
         (tmp_path / name).write_bytes(content)
     result = check(tmp_path / name)

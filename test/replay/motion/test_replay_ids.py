@@ -59,7 +59,6 @@ def test_curve_is_of_all_ids_however_they_are_sent(tmp_path):
 
 
 def test_ids_are_matched_when_they_cross(tmp_path):
-    """Each touches the robot once."""
     messages = samples([0] * 30) + [
         track(k / 10 + 0.001 * number, number, x, 0.009 - 0.001 * number)
         for k in range(30) for number, x in ((7, k - 10), (8, 18 - k))]

@@ -392,35 +392,40 @@ def test_obstacle_is_held_after_its_last_message(tmp_path):
     assert run_again(tmp_path, as_live=True).verdict is Verdict.COLLISION
 
 
-@pytest.mark.parametrize('robot, obstacles, set_end, timeouts, verdict, touches, unknown', [
-    (samples([0] * 9),
-     [*samples([-3] * 3, '/obstacles'), ('/obstacles', 0.3, []),
-      *(('/obstacles', k / 10, box(3)) for k in range(4, 9))], STAMPS, {}, Verdict.CLEAR, [], []),
-    ([('/footprint', 0.5 + k / 10, box(0)) for k in range(30)],
-     [('/obstacles', 0.0, serialised(box(0), START, 'odom'))], STAMPS, {}, Verdict.UNKNOWN, [], []),
-    (samples([0.0] * 9 + [2.5] + [0.0] * 20),
-     [message for k in range(4) for message in [
-         ('/obstacles', 0.6 * k, box(9.0)),
-         *([('/obstacles', 0.6 * k, box(3.0))] if k < 2 else []), ('/obstacles', 0.6 * k, [])]],
-     MARKS, {f'{SOURCE}.timeout': 1.0}, Verdict.COLLISION, [0.88, 0.92], []),
-    ([*samples([0.0] * 14), *(('/footprint', 3.0 + k / 5, box(0.0)) for k in range(5))],
-     [('/obstacles', time, box(x)) for time, x in ((1.0, 0.8), (1.0, 9.0), (2.95, 9.0))],
-     STAMPS, {f'{SOURCE}.timeout': 0.5, 'footprint.timeout': 0.5}, Verdict.COLLISION, [1.0, 1.3],
-     []),
-    (samples([0.0] * 23, every=2.0),
-     [at(0.5, []), *(at(time, points, delay) for time in (1.0, 21.5)
-                     for points, delay in ((box(0.5), 0.0), ([], 0.001)))],
-     MARKS, {f'{SOURCE}.timeout': 20.0, 'footprint.timeout': 5.0}, Verdict.COLLISION,
-     [1.0, 21.0, 21.5, 41.5], [1.0, 21.0])],
-    ids=['not linked across an empty set', 'not in another frame, received before it is known',
-         'held until the set without it', 'held before a silence, where the next set is late',
-         'not linked across more than a timeout, where it was'])
+@pytest.mark.parametrize('messages, set_end, timeouts, verdict, touches, undetermined', [
+    pytest.param(
+        samples([0] * 9) + samples([-3] * 3, '/obstacles') + [('/obstacles', 0.3, [])]
+        + [('/obstacles', k / 10, box(3)) for k in range(4, 9)],
+        STAMPS, {}, Verdict.CLEAR, [], [], id='not linked across an empty set'),
+    pytest.param(
+        [('/obstacles', 0.0, serialised(box(0), START, 'odom')),
+         *(('/footprint', 0.5 + k / 10, box(0)) for k in range(30))],
+        STAMPS, {}, Verdict.UNKNOWN, [], [],
+        id='not in another frame, received before it is known'),
+    pytest.param(
+        samples([0.0] * 9 + [2.5] + [0.0] * 20) + [message for k in range(4) for message in [
+            ('/obstacles', 0.6 * k, box(9.0)), *[('/obstacles', 0.6 * k, box(3.0))] * (k < 2),
+            ('/obstacles', 0.6 * k, [])]],
+        MARKS, {f'{SOURCE}.timeout': 1.0}, Verdict.COLLISION, [0.88, 0.92], [],
+        id='held until the set without it'),
+    pytest.param(
+        samples([0.0] * 14) + [('/footprint', 3.0 + k / 5, box(0.0)) for k in range(5)]
+        + [('/obstacles', time, box(x)) for time, x in ((1.0, 0.8), (1.0, 9.0), (2.95, 9.0))],
+        STAMPS, {f'{SOURCE}.timeout': 0.5, 'footprint.timeout': 0.5}, Verdict.COLLISION,
+        [1.0, 1.3], [], id='held before a silence, where the next set is late'),
+    pytest.param(
+        samples([0.0] * 23, every=2.0) + [at(0.5, [])] + [
+            at(time, points, delay) for time in (1.0, 21.5)
+            for points, delay in ((box(0.5), 0.0), ([], 0.001))],
+        MARKS, {f'{SOURCE}.timeout': 20.0, 'footprint.timeout': 5.0}, Verdict.COLLISION,
+        [1.0, 21.0, 21.5, 41.5], [1.0, 21.0],
+        id='not linked across more than a timeout of 20 s, where it was')])
 def test_obstacle_touches_while_it_is_held(
-        tmp_path, robot, obstacles, set_end, timeouts, verdict, touches, unknown):
-    result = run(tmp_path, [*robot, *obstacles], set_end, parameters=timeouts)
+        tmp_path, messages, set_end, timeouts, verdict, touches, undetermined):
+    result = run(tmp_path, messages, set_end, parameters=timeouts)
     assert result.verdict is verdict
     assert times(result) == pytest.approx(touches, abs=1e-6)
-    assert times(result, result.undetermined) == pytest.approx(unknown, abs=1e-6)
+    assert times(result, result.undetermined) == pytest.approx(undetermined, abs=1e-6)
 
 
 @pytest.mark.parametrize('every', [0.1, 0.01])

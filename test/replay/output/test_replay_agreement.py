@@ -196,16 +196,13 @@ def agrees_csv(bag, path):
         rows = list(csv.DictReader(file))
     assert all(round(SECOND * float(row['duration_s'])) == int(row['last_ns']) - int(
         row['first_ns']) for row in rows)
-    for kind, key in (('contact', 'contacts'), ('unknown', 'unknown'),
-                      ('undetermined', 'undetermined')):
-        assert sorted((row['footprint'], row['obstacle'], int(row['first_ns']),
-                       int(row['last_ns'])) for row in rows if row['kind'] == kind) == sorted(
-            (one['footprint'], one.get('obstacle', ''), one['first'], one['last'])
-            for one in bag[key])
-    assert [(row['footprint'], row['obstacle'], int(row['first_ns']), int(row['last_ns']))
-            for row in rows if row['kind'] == 'plan'] == [
-        (one['footprint'], one['obstacle'], one['time'], one['until'])
-        for one in bag['plan_contacts']]
+    for kind, key, first, last in (
+            *((state, state, 'first', 'last') for state in UNDECIDED),
+            ('contact', 'contacts', 'first', 'last'), ('plan', 'plan_contacts', 'time', 'until')):
+        assert [(row['footprint'], row['obstacle'], int(row['first_ns']), int(row['last_ns']))
+                for row in rows if row['kind'] == kind] == [
+            (one['footprint'], one.get('obstacle', ''), one[first], one[last])
+            for one in bag[key]]
 
 
 def since(bag, text):

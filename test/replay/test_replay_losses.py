@@ -25,7 +25,7 @@ from sat_collision.replay.model.result import Options, Verdict
 from sat_collision.replay.output.text import report
 
 BOTH = pytest.mark.parametrize('as_live', (False, True), ids=('motion', 'live'))
-TYPES = {LOST_TOPIC: LOST}
+TYPES = {LOST_TOPIC: LOST, f'/robot{LOST_TOPIC}': LOST}
 
 
 def standing(end=8.0, kind=MARKS):
@@ -71,48 +71,37 @@ def test_sets_are_not_whole_from_the_event_before_on(
 
 
 @BOTH
-def test_loss_of_a_first_event_may_be_anywhere_before(tmp_path, as_live):
-    """Also where the recorder gives its topics a namespace."""
-    topic, time, event = losses(4.0, '/robot/recorder', obstacles=(1, 0))
-    messages = [*standing(), (f'/robot{topic}', time, event)]
-    result = check(write(tmp_path / 'bag', messages,
-                         types={f'/robot{LOST_TOPIC}': LOST}), Options(as_live=as_live))
-    assert unknown_times(result) == [(0.0, pytest.approx(4.1, abs=0.01))]
+@pytest.mark.parametrize('events, known_again, lost', [
+    ([(f'/robot{LOST_TOPIC}', *losses(4.0, '/robot/recorder', obstacles=(1, 0))[1:])], 4.1, 1),
+    ([losses(0.05, 'a', obstacles=(0, 0)), losses(5.0, 'b', obstacles=(0, 0)),
+      losses(7.05, 'b', obstacles=(0, 1)), losses(9.05, 'a', obstacles=(0, 2))], 9.2, 3)],
+    ids=['first event, of a recorder in a namespace', 'two recorders'])
+def test_loss_may_be_anywhere_since_the_event_before_of_its_recorder(
+        tmp_path, as_live, events, known_again, lost):
+    result = run(tmp_path / 'bag', standing(12.0), *events, as_live=as_live)
+    assert unknown_times(result) == [(0.0, pytest.approx(known_again, abs=0.01))]
+    assert [source.lost for source in result.sources] == [0, lost]
 
 
 @BOTH
-def test_losses_of_two_recorders_are_those_of_both(tmp_path, as_live):
-    """Each counts from its own event before."""
-    result = run(tmp_path / 'bag', standing(12.0), losses(0.05, 'a', obstacles=(0, 0)),
-                 losses(5.0, 'b', obstacles=(0, 0)), losses(7.05, 'b', obstacles=(0, 1)),
-                 losses(9.05, 'a', obstacles=(0, 2)), as_live=as_live)
-    assert unknown_times(result) == [(0.0, pytest.approx(9.2, abs=0.01))]
-    assert [source.lost for source in result.sources] == [0, 3]
+@pytest.mark.parametrize('maps, events, start, unknown', [
+    ((0.0, 3.0, 5.0), [losses(0.05, obstacles=(1, 0))], 0.0, [(0.0, 5.0)]),
+    ((0.0, 3.0, 5.0), [losses(-0.5, obstacles=(1, 0))], 0.0, [(-0.5, 0.0), (0.0, 3.0)]),
+    ((0.0, 3.0, 5.0), [], 0.0, []),
+    ((0.0,), [losses(0.0, obstacles=(0, 0)), losses(0.5, obstacles=(1, 0))], 2.0, [(2.0, 7.9)])],
+    ids=['after its first message', 'before it', 'none', 'of before the start'])
+def test_loss_in_a_map_is_known_until_the_next_whole_one(
+        tmp_path, as_live, maps, events, start, unknown):
+    """
+    Its first message is the first one that was sent only if none was lost before.
 
-
-@BOTH
-def test_loss_in_a_map_is_known_until_the_next_whole_one(tmp_path, as_live):
-    """Its first message is the first one that was sent only if none was lost before."""
-    messages = [*((topic, time, one) for topic, time, one in standing() if topic == '/footprint'),
-                *(('/obstacles', time, serialised(points, 0)) for time in (0.0, 3.0, 5.0)
-                  for points in (box(3), []))]
-    for at, until in ((0.05, 5.0), (-0.5, 3.0), (None, None)):
-        events = [] if at is None else [losses(at, obstacles=(1, 0))]
-        result = run(tmp_path / f'bag {at}', messages, *events, losses(6.0),
-                     latched=['/obstacles'], as_live=as_live,
-                     parameters={f'{SOURCE}.timeout': 0.0})
-        assert unknown_times(result)[-1:] == ([] if at is None else [(0.0, until)])
-
-
-@BOTH
-def test_loss_in_a_map_before_the_start_counts(tmp_path, as_live):
-    """What its publisher would send to a monitor that starts then is not known."""
-    messages = [one for one in standing() if one[0] == '/footprint']
-    messages += [('/obstacles', 0.0, serialised(points, 0)) for points in (box(3), box(5), [])]
-    result = run(tmp_path / 'bag', messages, losses(0.0, obstacles=(0, 0)),
-                 losses(0.5, obstacles=(1, 0)), latched=['/obstacles'], as_live=as_live,
-                 start=2.0, parameters={f'{SOURCE}.timeout': 0.0})
-    assert unknown_times(result) == [(2.0, 7.9)]
+    To a monitor that starts later its publisher would send it again.
+    """
+    messages = [one for one in standing() if one[0] == '/footprint'] + [
+        ('/obstacles', time, serialised(points, 0)) for time in maps for points in (box(3), [])]
+    result = run(tmp_path / 'bag', messages, *events, losses(6.0), latched=['/obstacles'],
+                 as_live=as_live, start=start, parameters={f'{SOURCE}.timeout': 0.0})
+    assert unknown_times(result) == unknown
 
 
 @BOTH

@@ -17,8 +17,8 @@ from builders import collection, polygon_2d, SECOND, serialised
 from published import load
 import pytest
 from recordings import (
-    box, check, COLLECTION, declared, drive, MARKS, NAMES, nanoseconds, POLYGON_2D, published, run,
-    SOURCE, STAMPS, START, write)
+    box, check, COLLECTION, declared, drive, MARKS, NAMES, nanoseconds, POLYGON, POLYGON_2D,
+    published, run, SOURCE, STAMPS, START, write)
 from sat_collision.messages.cdr import decode
 from sat_collision.messages.ingest import Ingest
 from sat_collision.replay import check as replay
@@ -426,12 +426,24 @@ def test_sets_in_one_message_give_what_the_same_sets_give_polygon_by_polygon(
     assert found.problems == expected.problems == []
 
 
-def test_obstacles_in_the_type_of_a_footprint_are_bad_input(tmp_path):
-    bag = write(tmp_path / 'bag', [
-        ('/footprint', 0.0, box(0)), ('/obstacles', 0.0, polygon_2d(box(9), START))],
-        types={'/obstacles': POLYGON_2D})
-    problem, = check(bag).problems
-    assert '/obstacles has the type polygon_msgs/msg/Polygon2DStamped, not' in problem
+OUTLINE = {'frame_id': 'odom', 'footprint.radius': 0.5, 'footprint.frame_id': 'base'}
+
+
+@pytest.mark.parametrize('topic, kind, parameters, words', [
+    ('/footprint', 'std_msgs/msg/Bool', {}, f'footprint: {{}}, not {POLYGON}'),
+    ('/obstacles', POLYGON_2D, {}, f'{SOURCE}: {{}}, not {POLYGON}'),
+    ('/odom', POLYGON, {**OUTLINE, 'footprint.odometry': '/odom'},
+     'footprint: {}, not nav_msgs/msg/Odometry'),
+    ('/cmd_vel', POLYGON, {**OUTLINE, 'footprint.cmd_vel': '/cmd_vel'},
+     'footprint.cmd_vel: {}, not geometry_msgs/msg/TwistStamped or geometry_msgs/msg/Twist')],
+    ids=['footprint', 'obstacles', 'odometry', 'commands'])
+def test_topic_of_another_type_is_bad_input(tmp_path, topic, kind, parameters, words):
+    bag = write(tmp_path / 'bag', [(one, 0.0, box(0)) for one in {
+        '/footprint', '/obstacles', topic}], types={topic: kind})
+    result = check(bag, Options(parameters=parameters, obstacles=[f'{SOURCE}:=/obstacles']))
+    words = words.format(f'{topic} has the type {kind}')
+    assert result.verdict is Verdict.BAD_INPUT
+    assert any(words in problem for problem in result.problems), result.problems
 
 
 @pytest.mark.parametrize('names, change, what', [

@@ -278,13 +278,6 @@ def test_missing_tf_is_unknown(tmp_path):
                for note in result.notes)
 
 
-def test_odometry_topic_of_another_type_is_reported(tmp_path):
-    parameters = {**WITH_ARM, 'footprint.odometry': '/obstacles'}
-    result = run(tmp_path / 'bag', turn([(50, 50)]), parameters)
-    assert ('footprint: /obstacles has the type geometry_msgs/msg/PolygonStamped, not '
-            'nav_msgs/msg/Odometry') in result.problems[0]
-
-
 @pytest.mark.parametrize('as_live', [False, True])
 def test_map_is_unknown_once_its_frame_is_too_old(tmp_path, as_live):
     """From one timeout of the footprint after the last transform, 1 s, on."""

@@ -56,19 +56,6 @@ def test_exit_status_is_the_verdict(bags, capsys, given, status):
         assert bags[name] in capsys.readouterr().out or len(given) > 1
 
 
-@pytest.mark.parametrize('arguments, words', [
-    (['--params-file', 'nowhere.yaml'], 'nowhere.yaml'),
-    (['-p', 'footprint.timeout:=-1.0'], 'footprint.timeout'),
-    (['-p', 'footprint.timeout'], 'NAME:=VALUE'),
-    (['--expect', 'nowhere.json'], 'nowhere.json')])
-def test_invalid_options_are_refused_before_the_run(bags, capsys, arguments, words):
-    """In one line, without a traceback."""
-    assert main([bags['clear'], *arguments]) == 3
-    out, error = capsys.readouterr()
-    assert words in error and error.startswith('replay_check: ')
-    assert out == '' and error.count('\n') == 1
-
-
 def test_parameters_may_hold_for_the_type_that_is_recorded(tmp_path):
     """Only as a collection a map needs no set_end."""
     messages = [('/obstacles', 0.0, collection([box(3)], nanoseconds(0.0))),

@@ -83,6 +83,23 @@ def test_failed_picture_does_not_take_the_others_with_it(bags, tmp_path, monkeyp
     assert 'no ink' in error and 'problem' not in out and len(drawn) == 2
 
 
+def refusal(capsys, *arguments):
+    """Run the command; return the one line by which it refuses to check anything."""
+    assert main(arguments) == 3
+    out, error = capsys.readouterr()
+    assert out == '' and error.startswith('replay_check: ') and error.count('\n') == 1
+    return error
+
+
+@pytest.mark.parametrize('arguments, words', [
+    (['--params-file', 'nowhere.yaml'], 'nowhere.yaml'),
+    (['-p', 'footprint.timeout:=-1.0'], 'footprint.timeout'),
+    (['-p', 'footprint.timeout'], 'NAME:=VALUE'),
+    (['--expect', 'nowhere.json'], 'nowhere.json')])
+def test_invalid_options_are_refused_before_the_run(bags, capsys, arguments, words):
+    assert words in refusal(capsys, bags[0], *arguments)
+
+
 @pytest.mark.parametrize('option, path, words', [
     ('--json', 'clear/clear.mcap', 'is an input'),
     ('--csv', 'clear/metadata.yaml', 'is an input'),
@@ -104,10 +121,8 @@ def test_invalid_output_paths_are_refused_before_the_run(
     (tmp_path / 'link.xml').symlink_to(tmp_path / 'clear' / 'clear.mcap')
     (tmp_path / 'dangling').symlink_to('nowhere')
     before = {file: file.read_bytes() for file in tmp_path.rglob('*') if file.is_file()}
-    assert main([bags[0], '--params-file', str(tmp_path / 'params.png'), '--expect',
-                 str(tmp_path / 'stored.json'), '--as-live', option, str(tmp_path / path)]) == 3
-    out, error = capsys.readouterr()
-    assert out == '' and error.count('\n') == 1
+    error = refusal(capsys, bags[0], '--params-file', str(tmp_path / 'params.png'), '--expect',
+                    str(tmp_path / 'stored.json'), '--as-live', option, str(tmp_path / path))
     assert option in error and words in error
     assert before == {file: file.read_bytes() for file in tmp_path.rglob('*') if file.is_file()}
 
@@ -159,9 +174,7 @@ def test_recordings_of_one_name_are_not_written_to_one_place(bags, tmp_path, cap
     capsys.readouterr()
     for arguments in (['--as-live', '--write-bag', str(tmp_path / 'out')],
                       ['--plot', str(tmp_path / 'out')]):
-        assert main([*bags, other, *arguments]) == 3
-        out, error = capsys.readouterr()
-        assert out == '' and '2 recordings are called clear' in error
+        assert '2 recordings are called clear' in refusal(capsys, *bags, other, *arguments)
         assert not (tmp_path / 'out').exists()
 
 
@@ -184,17 +197,13 @@ def test_output_paths_of_several_recordings_are_checked(bags, tmp_path, capsys):
     pytest.importorskip('matplotlib')
     (tmp_path / 'file').write_text('')
     (tmp_path / 'dangling').symlink_to('nowhere')
-    for arguments, words in ((['--plot', str(tmp_path / 'file')], 'not a directory'),
-                             (['--plot', str(tmp_path / 'all.SVG')], 'a picture shows one'),
-                             (['--as-live', '--write-bag', str(tmp_path / 'file' / 'a')],
-                              'not a directory'),
-                             (['--as-live', '--write-bag', str(tmp_path / 'dangling')],
-                              'not a directory'),
-                             (['--json', str(tmp_path / 'a'), '--csv', str(tmp_path / 'a')],
-                              'the same file')):
-        assert main([*bags, *arguments]) == 3
-        out, error = capsys.readouterr()
-        assert out == '' and words in error
+    for arguments, words in (
+            (['--plot', str(tmp_path / 'file')], 'not a directory'),
+            (['--plot', str(tmp_path / 'all.SVG')], 'a picture shows one'),
+            (['--as-live', '--write-bag', str(tmp_path / 'file' / 'a')], 'not a directory'),
+            (['--as-live', '--write-bag', str(tmp_path / 'dangling')], 'not a directory'),
+            (['--json', str(tmp_path / 'a'), '--csv', str(tmp_path / 'a')], 'the same file')):
+        assert words in refusal(capsys, *bags, *arguments)
 
 
 @pytest.mark.parametrize('arguments, words', [
@@ -228,11 +237,9 @@ def test_parameter_file_without_this_node_is_bad_input(bags, tmp_path, capsys):
     arguments = [bags[0], '--params-file', str(params), '--node']
     assert main([*arguments, '/monitors/front']) == 1
     capsys.readouterr()
-    for more in (['/monitors/frontt'], ['/footprint_monitor']):
-        assert main([*arguments, *more]) == 3
-        out, error = capsys.readouterr()
-        assert out == '' and error.count('\n') == 1
-        assert '/monitors/front, /monitors/rear; did you mean --node /monitors/' in error
+    for name in ('/monitors/frontt', '/footprint_monitor'):
+        assert '/monitors/front, /monitors/rear; did you mean --node /monitors/' in refusal(
+            capsys, *arguments, name)
 
 
 def test_junit_with_a_baseline(bags, tmp_path):

@@ -18,7 +18,7 @@ from published import load
 import pytest
 from recordings import (
     box, check, COLLECTION, declared, drive, MARKS, NAMES, nanoseconds, POLYGON, POLYGON_2D,
-    published, run, SOURCE, STAMPS, START, write)
+    published, run, since, SOURCE, STAMPS, START, times, write)
 from sat_collision.messages.cdr import decode
 from sat_collision.messages.ingest import Ingest
 from sat_collision.replay import check as replay
@@ -26,15 +26,9 @@ from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.model.result import HEADER, Options, Series, Verdict
 from storages import storage_file
 
-
 LIVE = Options(as_live=True)
 WITH_WALLS = {'obstacles': ['seen', 'walls'], 'seen.topic': '/obstacles', 'walls.timeout': 0.0,
               **declared(MARKS, 'seen', 'walls')}
-
-
-def since(result, *times):
-    """Return times in seconds since the beginning."""
-    return [(time - result.start) / SECOND for time in times]
 
 
 def standing(end, topics=('/footprint', '/obstacles'), rate=10):
@@ -88,7 +82,7 @@ def test_contact_is_an_interval_with_its_deepest_moment(tmp_path):
     messages = [message for k, x in enumerate(places)
                 for message in (('/footprint', k, box(0)), ('/obstacles', k, box(x)),
                                 ('/obstacles', k, []))]
-    result = check(write(tmp_path / 'bag', messages), LIVE)
+    result = run(tmp_path, messages, MARKS, as_live=True)
     contact, = result.contacts
     assert since(result, contact.first, contact.deepest, contact.last) == [1, 3, 6]
     assert (contact.depth, contact.x, contact.y) == (0.5, 0.75, 0.5)
@@ -132,9 +126,8 @@ def test_obstacle_is_forgotten_after_its_timeout(tmp_path):
         ('/tracks', k / 10, serialised(box(x), nanoseconds(k / 10), instance=number))
         for k in range(60) for number, x in ((7, 0.5), (8, 9)) if number == 8 or k == 10]
     result = run(tmp_path, messages, None, as_live=True)
-    contact, = result.contacts
-    assert contact.obstacle == 'tracks/7'
-    assert since(result, contact.first, contact.last) == [1.0, pytest.approx(3.1, abs=1e-6)]
+    assert [contact.obstacle for contact in result.contacts] == ['tracks/7']
+    assert times(result) == pytest.approx([1.0, 3.1], abs=1e-6)
 
 
 def test_late_footprint_does_not_set_the_time_back(tmp_path):
@@ -153,9 +146,8 @@ def test_late_footprint_does_not_set_the_time_back(tmp_path):
 
 def test_release_delay(tmp_path):
     """The state stays collision for the delay, but the contact ends."""
-    bag = write(tmp_path / 'bag', drive())
-    result = check(bag, Options(as_live=True, parameters={'release_delay': 0.55}))
-    assert since(result, result.contacts[0].last) == [5.0]
+    result = run(tmp_path, drive(), MARKS, as_live=True, parameters={'release_delay': 0.55})
+    assert times(result) == [4.0, 5.0]
     assert result.footprints[0].collision == pytest.approx(1.55 * SECOND)
 
 
@@ -183,12 +175,10 @@ def test_messages_are_rejected_as_live_and_counted(tmp_path, data, reason):
 
 def test_part_of_a_recording(tmp_path):
     """From 4.5 s on for 2 s; the contact that began before begins there."""
-    bag = write(tmp_path / 'bag', drive())
-    result = check(bag, Options(as_live=True, start=4.5, duration=2.0))
-    assert (result.start, result.end) == (START + 45 * SECOND // 10, START + 65 * SECOND // 10)
-    assert result.messages == 3 * 20
-    assert since(result, result.contacts[0].first, result.contacts[0].last) == [0.0, 0.5]
-    result = check(bag, Options(as_live=True, start=99.0))
+    result = run(tmp_path, drive(), MARKS, as_live=True, start=4.5, duration=2.0)
+    assert since(result, result.start, result.end) == [4.5, 6.5]
+    assert (result.messages, times(result)) == (3 * 20, [4.5, 5.0])
+    result = check(tmp_path / 'bag', Options(as_live=True, start=99.0))
     assert result.verdict is Verdict.UNKNOWN
     assert result.notes == ['the recording has nothing in the time given by --start and '
                             '--duration: it has 10.000 s, and --start counts from its beginning']
@@ -204,7 +194,7 @@ def test_recording_of_a_simulation_needs_the_header_clock(tmp_path):
     assert any('--clock header' in note for note in result.notes)
     result = check(bag, Options(as_live=True, clock=HEADER))
     assert result.start == 100 * SECOND
-    assert since(result, result.contacts[0].first, result.contacts[0].last) == [4.0, 5.0]
+    assert times(result) == [4.0, 5.0]
 
 
 @pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))

@@ -87,10 +87,9 @@ def test_contact_is_an_interval_with_its_deepest_moment(tmp_path):
     assert since(result, contact.first, contact.deepest, contact.last) == [1, 3, 6]
     assert (contact.depth, contact.x, contact.y) == (0.5, 0.75, 0.5)
     assert (contact.normal, contact.points) == ([-1.0, 0.0], [[1.0, 1.0], [1.0, 0.0]])
-    assert not contact.at_end
-    assert result.footprints[0].collision == 5 * SECOND
-    assert result.footprints[0].least.separation == -0.5
-    assert result.verdict is Verdict.COLLISION
+    assert (contact.at_end, result.verdict) == (False, Verdict.COLLISION)
+    footprint, = result.footprints
+    assert (footprint.collision, footprint.least.separation) == (5 * SECOND, -0.5)
 
 
 def test_footprint_alone_deepens_a_contact(tmp_path):
@@ -193,8 +192,7 @@ def test_recording_of_a_simulation_needs_the_header_clock(tmp_path):
     assert result.verdict is Verdict.UNKNOWN
     assert any('--clock header' in note for note in result.notes)
     result = check(bag, Options(as_live=True, clock=HEADER))
-    assert result.start == 100 * SECOND
-    assert times(result) == [4.0, 5.0]
+    assert (result.start, times(result)) == (100 * SECOND, [4.0, 5.0])
 
 
 @pytest.mark.parametrize('storage', ('mcap', 'sqlite3'))

@@ -364,8 +364,7 @@ def test_closed_output_is_no_error(bags, tmp_path):
                                 *[bags[0]] * 3, '--json', str(result)], env=plain_python(),
                                stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     process.stdout.close()
-    assert process.stderr.read() == ''
-    assert process.wait(60) == 1
+    assert (process.stderr.read(), process.wait(60)) == ('', 1)
     assert len(json.loads(result.read_text())['bags']) == 4
 
 
@@ -379,8 +378,7 @@ def test_interrupt_ends_all_processes(tmp_path):
     process.stdout.readline()
     process.send_signal(signal.SIGINT)
     output, error = process.communicate(timeout=120)
-    assert process.returncode == 2
-    assert error == 'replay_check: interrupted\n'
+    assert (process.returncode, error) == (2, 'replay_check: interrupted\n')
     assert output.count('\n') < 1000
 
 

@@ -265,7 +265,7 @@ def begun(arguments, folder, ending, count=1, **environment):
 
 
 def is_interrupted(process):
-    """Wait for the end; return whether an interrupt is all that it is said to be."""
+    """Wait until it ends; return whether it does so as interrupted, without a traceback."""
     _, error = process.communicate(timeout=120)
     return process.returncode == 2 and error.endswith('replay_check: interrupted\n') and all(
         line.startswith('replay_check: ') for line in error.splitlines())

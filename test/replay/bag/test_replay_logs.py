@@ -33,8 +33,7 @@ def test_write_ahead_log_of_a_killed_recorder_is_read(tmp_path, in_file):
     before = files_of(file.parent)
     for recording in (file, file.parent):
         result = check(recording)
-        assert result.messages == ALL
-        assert result.verdict is Verdict.COLLISION
+        assert (result.messages, result.verdict) == (ALL, Verdict.COLLISION)
     assert files_of(file.parent) == before
 
 

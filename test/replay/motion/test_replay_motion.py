@@ -112,8 +112,7 @@ def test_thin_wall_between_two_messages(tmp_path, capsys):
     assert 'between 2.000 and 2.100 s' in capsys.readouterr().out
     result = check(bag)
     contact, = result.contacts
-    assert contact.found == BETWEEN_SAMPLES
-    assert since(result, *contact.between) == [2.0, 2.1]
+    assert (contact.found, since(result, *contact.between)) == (BETWEEN_SAMPLES, [2.0, 2.1])
     assert times(result) == pytest.approx([2.01, 2.061], abs=1e-5)
     assert contact.depth == pytest.approx((0.5 + 0.01) / 2, abs=1e-5)
     assert result.footprints[0].collision == contact.last - contact.first
@@ -202,8 +201,7 @@ def test_obstacle_sent_once_is_at_rest(tmp_path, timeout, set_end, stamp):
     messages = [('/obstacles', 0.0, wall), *samples(range(330), size=0.5)]
     result = run(tmp_path, messages, set_end, parameters={f'{SOURCE}.timeout': timeout})
     contact, = result.contacts
-    assert contact.found == BETWEEN_SAMPLES
-    assert since(result, *contact.between) == [30.1, 30.2]
+    assert (contact.found, since(result, *contact.between)) == (BETWEEN_SAMPLES, [30.1, 30.2])
     assert times(result) == pytest.approx([30.11, 30.161], abs=1e-5)
     assert min(value for _, value in result.footprints[0].separation) < 0.7
 

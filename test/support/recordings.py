@@ -185,6 +185,13 @@ def by_stamp(bag):
         yield stamp, [(topic, data) for _, topic, data in run]
 
 
+def content_of(bag):
+    """Return topic, type, time and bytes of each message as it is stored."""
+    with Reader(bag) as reader:
+        return [(connection.topic, connection.msgtype, time, bytes(data))
+                for connection, time, data in reader.messages()]
+
+
 def run_without(modules, *arguments):
     """Run the command in another process that cannot import some modules."""
     program = f"""

@@ -16,32 +16,27 @@ import sys
 from types import ModuleType, SimpleNamespace
 
 import pytest
-from recordings import check, DECLARED, drive, main, run_without, write
+from recordings import check, content_of, DECLARED, drive, main, run_without, write
 from rosbags.highlevel import AnyReader
 from sat_collision.replay.bag import storage as storages
 from sat_collision.replay.model.result import Options
 
-
 HIDDEN = ('rosbags', 'lz4', 'backports', 'compression')
-# The command where none of these can be imported.
 TOUCHING = drive(2.0, contact=(1.0, 1.5))
 PACKED = [('sqlite3', 'file'), ('sqlite3', 'message'), ('mcap', 'file'), ('mcap', 'message'),
           ('mcap', 'storage')]
-
-
-def results_of(path):
-    """Return the recordings in a file written by --json."""
-    return json.loads(path.read_text())['bags']
 
 
 @pytest.mark.parametrize('names', (HIDDEN, (*HIDDEN, 'rclpy', 'geometry_msgs')))
 def test_plain_recordings_need_no_library(tmp_path, names):
     """The results are the same, with and without ROS."""
     bags = [str(write(tmp_path / storage, TOUCHING, storage)) for storage in ('mcap', 'sqlite3')]
-    assert main([*bags, '--json', str(tmp_path / 'a.json')]) == 1
-    result = run_without(names, *bags, DECLARED, '--json', str(tmp_path / 'b.json'))
+    files = tmp_path / 'a.json', tmp_path / 'b.json'
+    assert main([*bags, '--json', str(files[0])]) == 1
+    result = run_without(names, *bags, DECLARED, '--json', str(files[1]))
     assert (result.returncode, result.stderr) == (1, '')
-    assert results_of(tmp_path / 'a.json') == results_of(tmp_path / 'b.json')
+    expected, found = (json.loads(file.read_text())['bags'] for file in files)
+    assert found == expected
 
 
 def test_compressed_recordings_name_the_missing_library(tmp_path):
@@ -148,9 +143,4 @@ def test_bag_is_written_by_rosbag2(tmp_path):
     check(bag, Options(as_live=True, write_bag=str(tmp_path / 'a')))
     assert run_without(('rosbags',), bag, '--as-live', '--write-bag',
                        str(tmp_path / 'b')).returncode == 1
-    messages = []
-    for name in 'ab':
-        with AnyReader([tmp_path / name]) as reader:
-            messages.append([(connection.topic, connection.msgtype, time, bytes(data))
-                             for connection, time, data in reader.messages()])
-    assert messages[0] == messages[1]
+    assert content_of(tmp_path / 'a') == content_of(tmp_path / 'b')

@@ -21,7 +21,7 @@ import textwrap
 
 from compiled import plain_python
 import pytest
-from recordings import box, check, drive, published, SOURCE, START, write
+from recordings import box, check, content_of, drive, published, SOURCE, START, write
 from rosbags.highlevel import AnyReader
 from sat_collision.replay.model.configuration import parameters_of_file
 from sat_collision.replay.model.result import Options
@@ -55,13 +55,6 @@ def written(path, messages):
             message = reader.deserialize(data, connection.msgtype)
             found.setdefault(connection.topic, []).append(((time - START) / SECOND, message))
     return found
-
-
-def bytes_of(path):
-    """Return the messages of a written bag as they are stored, with topics and times."""
-    with AnyReader([path]) as reader:
-        return [(connection.topic, time, bytes(data))
-                for connection, time, data in reader.messages()]
 
 
 def run_without_ros(program, *arguments):
@@ -125,9 +118,9 @@ def test_written_bag_is_the_same_without_ros_and_numba(tmp_path):
         print(result.problems, len(result.contacts), 'rclpy' in sys.modules)
     """, str(bag), str(tmp_path / 'plain'))
     assert out == '[] 19 False\n'
-    with_ros = bytes_of(tmp_path / 'ros')
-    assert len({topic for topic, _, _ in with_ros}) == 7
-    assert with_ros == bytes_of(tmp_path / 'plain')
+    with_ros = content_of(tmp_path / 'ros')
+    assert len({topic for topic, *_ in with_ros}) == 7
+    assert with_ros == content_of(tmp_path / 'plain')
 
 
 def test_big_endian_messages_are_read_without_ros():

@@ -197,8 +197,7 @@ def test_step_back_in_time_drops_commands():
     world = Driven(AHEAD)
     world.move(5.0, 0.0)
     world.drive(1.0)
-    world.wait_until(0.1)
-    world.move(0.2, 0.0)
+    world.at(0.1).move(0.2, 0.0)
     assert world.prediction is None and world.velocity.endswith('no command on /cmd_vel yet')
 
 
@@ -251,7 +250,7 @@ def test_no_time_by_command_is_late(seed):
             world.drive(vx, vy, omega)
         world.move(world.time + 0.1, x, y, yaw)
         world.drive(vx, vy, omega)
-        world.wait_until(world.time + rng.uniform(0.0, 0.9))
+        world.at(world.time + rng.uniform(0.0, 0.9))
         age = (world.now - world.scene._footprints['robot'].time) / SECOND
         if world.status() == 'collision':
             continue

@@ -76,31 +76,25 @@ def test_stamp_0_uses_the_newest_transform(robot):
 
 def test_stamp_0_refuses_a_newest_transform_past_the_timeout(robot):
     """The timeout of the source is 2 s."""
-    robot.wait_until(3.0)
-    assert robot.see(box(1), 'none', 'base') is None
-    robot.wait_until(3.001)
-    assert robot.see(box(1), 'none', 'base').reason == frames.OLD_LATEST
+    assert robot.at(3.0).see(box(1), 'none', 'base') is None
+    assert robot.at(3.001).see(box(1), 'none', 'base').reason == frames.OLD_LATEST
     assert 'past the timeout by 0.001 s' in robot.rejections[0].text
     assert 'lidar' not in robot.monitor.waiting
 
 
 def test_footprint_without_a_stamp_is_as_old_as_its_transform(robot):
     """Its frame is last known at 1 s, and its timeout is 1 s."""
-    robot.wait_until(1.75)
-    assert robot.send('robot', box(0), 'none', 'base') is None
+    assert robot.at(1.75).send('robot', box(0), 'none', 'base') is None
     assert (robot.bounds(), robot.state().age) == ((1.0, 0.0, 2.0, 1.0), 0.75)
     robot.see((), 1.75)
     assert robot.status() == 'clear'
-    robot.wait_until(2.000001)
-    assert robot.state().reasons == (
+    assert robot.at(2.000001).state().reasons == (
         'footprint robot on /footprint is older than its timeout of 1 s',)
 
 
 def test_empty_polygon_needs_no_transform(robot):
-    robot.wait_until(2.5)
-    robot.see([], 2.5, 'camera')
-    robot.wait_until(4.5)
-    robot.stand(0)
+    robot.at(2.5).see([], 2.5, 'camera')
+    robot.at(4.5).stand(0)
     assert robot.status() == 'clear' and not robot.rejections
 
 
@@ -148,7 +142,7 @@ def test_control_characters_in_frame_names_are_escaped(robot, name):
                              ('island', 'bay', robot.now, 0, 0))
     robot.see(box(0), 1.0, name)
     robot.see(box(0), 1.0, 'island')
-    robot.wait_until(2.0)
+    robot.at(2.0)
     assert frames.LOOP in robot.reasons
     words = [one.text for one in robot.rejections]
     words += [child for child, _ in robot.monitor.transforms.rejected]
@@ -175,8 +169,7 @@ def test_memory_of_unknown_frames_is_bounded(robot):
             (f'parent{k}_{i}', 'frame1_1', robot.now + 100 * k + i, 0.0, 0.0)
             for i in range(100)))
     assert set(robot.reasons) == {'too many frames'}
-    robot.wait_until(1.1)
-    robot.move(1.1)
+    robot.at(1.1).move(1.1)
     assert robot.see(box(9), 1.1) is None and 'lidar' not in robot.monitor.waiting
 
 
@@ -186,8 +179,7 @@ def test_frames_of_long_ago_make_room_for_new_ones(robot):
         robot.receive_transforms(TF, *(
             (f'sight_{k + i}', f'object_{k + i}', robot.now, 0.0, 0.0) for i in range(100)))
     robot.rejections.clear()
-    robot.wait_until(32.0)
-    robot.move(32.0)
+    robot.at(32.0).move(32.0)
     robot.receive_transforms(TF_STATIC, ('base', 'hand', 0, 1.0, 0.0))
     robot.move(32.0, 5.0, 'arm')
     assert robot.see(box(9), 32.0, 'hand') is None and robot.see(box(9), 32.0, 'arm') is None
@@ -222,8 +214,7 @@ def test_new_frames_count_again_after_a_flood_of_others(robot):
         robot.receive_transforms(TF, ('odom', f'made up {k}', robot.now, 0.0, 0.0))
     robot.rejections.clear()
     for _ in range(12):
-        robot.wait_until(robot.time + 1.0)
-        robot.receive_transforms(TF, ('odom', 'real', robot.now, 0.0, 0.0))
+        robot.at(robot.time + 1.0).receive_transforms(TF, ('odom', 'real', robot.now, 0.0, 0.0))
     assert robot.reasons == 10 * [frames.TOO_MANY_FRAMES]
 
 

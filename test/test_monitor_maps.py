@@ -49,8 +49,7 @@ def test_map_follows_a_static_frame_that_is_corrected():
     robot = map_robot(TF_STATIC, ('odom', 'site', 0, 50.0, 0.0))
     robot.receive_transforms(TF_STATIC, ('odom', 'site', 0, 0.5, 0.0))
     assert robot.status() == 'collision' and robot.seen == [(0.5, 0, 1.5, 1)]
-    robot.wait_until(9.0)
-    robot.stand(0)
+    robot.at(9.0).stand(0)
     assert robot.status() == 'collision'
 
 
@@ -61,8 +60,7 @@ def test_all_of_a_map_follows_when_a_transform_ahead_of_the_clock_comes_to_count
     robot.move(0.0, 50.0, 'site')
     robot.move(0.5, 0.5, 'site')
     robot.see(box(0), 0.0, 'site', None)
-    robot.wait_until(0.6)
-    robot.see(box(9), 0.6, 'site', None)
+    robot.at(0.6).see(box(9), 0.6, 'site', None)
     robot.see((), 0.6, 'site', None)
     assert robot.status() == 'collision' and [x for x, *_ in robot.seen] == [0.5, 9.5]
 
@@ -81,18 +79,15 @@ def test_part_of_a_map_in_the_fixed_frame_stays():
 def test_map_follows_a_moving_frame_and_is_unknown_without_it():
     """Once the last transform is older than the footprint's timeout, 1 s, and at a reset."""
     robot = map_robot(TF, ('odom', 'site', START, 50.0, 0.0))
-    robot.wait_until(1.0)
-    robot.stand(0)
+    robot.at(1.0).stand(0)
     assert robot.status() == 'clear'
-    robot.wait_until(1.001)
+    robot.at(1.001)
     assert 'frame whose transform is too old' in robot.state().reasons[0]
-    robot.wait_until(1.2)
-    robot.move(1.1, 40.0, 'site')
+    robot.at(1.2).move(1.1, 40.0, 'site')
     assert robot.status() == 'clear' and robot.seen == [(40, 0, 41, 1)]
     robot.move(1.2, 0.0, 'site')
     assert robot.status() == 'collision'
-    robot.wait_until(-3.0)
-    robot.stand(20)
+    robot.at(-3.0).stand(20)
     assert 'is a map in another frame' in robot.state().reasons[0]
 
 
@@ -103,8 +98,7 @@ def test_map_follows_a_moving_frame_and_is_unknown_without_it():
      {'max_tilt': 0.01}, 'tilted by')], ids=['timeout', 'tilt'])
 def test_frame_of_a_map_counts_by_the_present_parameters(link, changes, reason):
     robot = map_robot(*link)
-    robot.wait_until(0.9)
-    robot.stand(0)
+    robot.at(0.9).stand(0)
     robot.monitor.update(replace(robot.settings, **changes))
     assert robot.status() == 'unknown' and reason in robot.state().reasons[0]
     robot.monitor.update(robot.settings)
@@ -116,16 +110,14 @@ def test_enabled_footprints_limit_how_old_the_frame_of_a_map_may_be(enabled, sta
     cart = replace(MAP.footprints[0], name='cart', topic='/cart', timeout=0.2, enabled=enabled)
     robot = map_robot(TF, ('odom', 'site', START, 50.0, 0.0),
                       settings=replace(MAP, footprints=(*MAP.footprints, cart)))
-    robot.wait_until(0.9)
-    robot.stand(0)
+    robot.at(0.9).stand(0)
     assert robot.status() == status
 
 
 def test_frame_in_which_a_map_was_sent_does_not_matter_for_the_next():
     """Though /tf is silent, so that nothing else tells of frames."""
     robot = map_robot(TF, ('odom', 'site', START, 50.0, 0.0))
-    robot.wait_until(2.0)
-    robot.stand(0)
+    robot.at(2.0).stand(0)
     robot.see(box(9), 2.0, 'odom', None)
     assert 'too old' in ''.join(robot.state().reasons)
     robot.see((), 2.0, 'odom', None)
@@ -139,8 +131,7 @@ def test_map_is_requested_again_once_its_transform_has_come(frame_id, topic, lin
     robot = Robot(replace(SETTINGS, obstacles=(
         replace(SETTINGS.obstacles[0], timeout=0.0, set_end='empty_polygon'),)))
     robot.see(box(9), 'none', frame_id)
-    robot.wait_until(5.0)
-    robot.see((), 'none', frame_id)
+    robot.at(5.0).see((), 'none', frame_id)
     assert len(robot.reasons) == 1 and not robot.scene.wants_history('lidar')
     robot.receive_transforms(TF, ('odom', 'elsewhere', robot.now, 0.0, 0.0))
     assert not robot.scene.wants_history('lidar')

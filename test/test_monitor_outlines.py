@@ -32,7 +32,7 @@ class OutlineWorld(World):
     def __init__(self, *footprints, tracks_motion=False, **more):
         super().__init__(Settings(frame_id='odom', footprints=footprints or (ROBOT,),
                                   obstacles=(SOURCE,), **more), tracks_motion=tracks_motion)
-        self.wait_until(0.0)
+        self.at(0.0)
         self.send_map('lidar', box(50.0))
 
 
@@ -51,12 +51,10 @@ def test_outline_follows_its_frame():
 def test_age_is_that_of_the_transform():
     world = OutlineWorld()
     world.move(0.1, 1.0)
-    world.wait_until(0.35)
-    assert world.state().age == pytest.approx(0.25)
+    assert world.at(0.35).state().age == pytest.approx(0.25)
     assert world.scene.origin('robot') == ('base', pytest.approx(0.25))
-    world.wait_until(1.1)
-    assert world.status() == 'clear'
-    world.wait_until(1.1000001)
+    assert world.at(1.1).status() == 'clear'
+    world.at(1.1000001)
     assert world.state().reasons == ('footprint robot on /tf is older than its timeout of 1 s',)
 
 
@@ -91,8 +89,7 @@ def test_rate_limits_placements():
     assert world.bounds()[0] < 9.4 - 1e-6
     due = (world.monitor.deadline + 1 - START) / SECOND
     assert 0.99 < due <= 1.1
-    world.wait_until(due)
-    assert world.bounds() == pytest.approx((9.4, -0.5, 10.4, 0.5))
+    assert world.at(due).bounds() == pytest.approx((9.4, -0.5, 10.4, 0.5))
 
 
 def test_regular_poses_at_its_rate_are_all_placed():
@@ -109,8 +106,7 @@ def test_outline_in_a_static_frame_never_expires():
     world.receive_transforms(TF_STATIC, ('odom', 'base', 0, 7.0, 0.0))
     assert world.bounds() == (6.5, -0.5, 7.5, 0.5)
     for _ in range(1000):
-        world.wait_until((world.monitor.deadline + 1 - START) / SECOND)
-        assert world.status() == 'clear'
+        assert world.at((world.monitor.deadline + 1 - START) / SECOND).status() == 'clear'
     assert world.time > 100 and world.scene.origin('robot') == ('base', None)
 
 
@@ -120,8 +116,7 @@ def test_corrected_transform_counts_at_once(timeout, topic):
     """It has the stamp of the one before, or none that matters."""
     world = OutlineWorld(replace(ROBOT, timeout=timeout))
     for x in (1.0, 49.5):
-        world.wait_until(world.time + 0.1)
-        world.receive_transforms(topic, ('odom', 'base', START, x, 0.0))
+        world.at(world.time + 0.1).receive_transforms(topic, ('odom', 'base', START, x, 0.0))
         assert world.bounds()[0] == x - 0.5
     assert world.status() == 'collision'
     received = world.monitor.received['robot']
@@ -133,12 +128,10 @@ def test_corrected_transform_counts_at_once(timeout, topic):
 def test_static_frame_that_begins_to_move_counts_at_once(parent):
     """Its first pose is from before it was placed; there may be none until its parent has one."""
     world = OutlineWorld()
-    world.wait_until(0.2)
-    world.receive_transforms(TF_STATIC, ('odom', 'base', 0, 48.0, 0.0))
+    world.at(0.2).receive_transforms(TF_STATIC, ('odom', 'base', 0, 48.0, 0.0))
     world.receive_transforms(TF, (parent, 'base', nanoseconds(0.1), 49.5, 0.0))
     if parent == 'site':
-        world.wait_until(0.6)
-        assert world.status() == 'clear' and world.monitor.deadline >= world.now
+        assert world.at(0.6).status() == 'clear' and world.monitor.deadline >= world.now
         world.receive_transforms(TF, ('odom', 'site', nanoseconds(0.1), 0.0, 0.0))
     assert world.status() == 'collision' and world.state().age == pytest.approx(world.time - 0.1)
 
@@ -159,16 +152,14 @@ def test_frame_that_becomes_static_where_it_is_does_not_expire():
     world.move(0.1, 7.0)
     world.receive_transforms(TF_STATIC, ('odom', 'base', 0, 7.0, 0.0))
     for _ in range(10):
-        world.wait_until((world.monitor.deadline + 1 - START) / SECOND)
-        assert world.status() == 'clear'
+        assert world.at((world.monitor.deadline + 1 - START) / SECOND).status() == 'clear'
     assert world.time > 2
 
 
 def test_static_frame_without_a_timeout_has_no_deadline():
     world = OutlineWorld(replace(ROBOT, timeout=0.0))
     world.receive_transforms(TF_STATIC, ('odom', 'base', 0, 7.0, 0.0))
-    world.wait_until(2.0)
-    assert world.monitor.deadline > nanoseconds(1e6)
+    assert world.at(2.0).monitor.deadline > nanoseconds(1e6)
 
 
 def test_missing_transform_is_reported_once():
@@ -176,8 +167,7 @@ def test_missing_transform_is_reported_once():
     world = OutlineWorld()
     world.move(0.1, 1.0, child='arm')
     assert not world.rejections
-    world.wait_until(0.3000001)
-    assert world.reasons == [frames.UNKNOWN_FRAME]
+    assert world.at(0.3000001).reasons == [frames.UNKNOWN_FRAME]
     assert world.rejections[0].detail == (
         'no transform from base to odom: no good transform has named base yet, only arm, odom')
     assert world.state().reasons == (
@@ -203,7 +193,7 @@ def test_missing_transform_is_reported_where_others_came_first(now, topic):
 def test_tilted_frame_is_unknown_at_once():
     world = OutlineWorld()
     world.move(0.1, 1.0)
-    world.wait_until(0.2)
+    world.at(0.2)
     half = math.radians(3)
     world.receive_transforms(
         TF, ('odom', 'base', world.now, 1, 0, 0, math.sin(half), 0, 0, math.cos(half)))
@@ -323,14 +313,12 @@ def test_odometry_that_is_not_finite_is_refused():
 def test_step_back_in_time_drops_poses():
     """A recording is played in a loop."""
     world = OutlineWorld()
-    world.wait_until(4.9)
-    world.receive_transforms(TF_STATIC, ('base', 'tool', 0, 0.0, 0.0))
+    world.at(4.9).receive_transforms(TF_STATIC, ('base', 'tool', 0, 0.0, 0.0))
     for _ in range(3):
         for k in range(5):
             world.move(5.0 + k / 10, k)
             assert world.bounds()[0] == k - 0.5
-        world.wait_until(0.0)
-        assert world.status() == 'unknown'
+        assert world.at(0.0).status() == 'unknown'
     assert not world.rejections
 
 
@@ -376,7 +364,7 @@ EVERY_INPUT = pytest.mark.parametrize('footprint', [PUBLISHED, ROBOT, BY_ODOMETR
 
 def place(world, time, x, ahead=0.0):
     """Receive a pose of the robot, with a stamp ahead of the clock, or (None) without one."""
-    world.wait_until(time)
+    world.at(time)
     stamp = 0 if ahead is None else nanoseconds(time + ahead)
     footprint, = world.settings.footprints
     if footprint.odometry:
@@ -437,7 +425,7 @@ def test_pose_without_a_stamp_counts_as_of_its_arrival(footprint):
     for tenths in range(1, 15):
         place(world, tenths / 10, float(tenths), ahead=None)
         assert world.bounds()[0] == tenths - 0.5
-    world.wait_until(2.4)
+    world.at(2.4)
     assert (world.status(), world.state().age) == ('clear', 1.0)
 
 
@@ -479,7 +467,7 @@ def test_small_step_back_of_the_clock_keeps_poses(footprint, step):
     for is_alike in (True, False):
         world = OutlineWorld(footprint)
         place(world, 1.0, 1.0)
-        world.wait_until(1.0 - step)
+        world.at(1.0 - step)
         assert (world.status(), world.state().age) == ('clear', 0.0)
         assert world.bounds()[0] == 0.5
         for k in range(2, 6):
@@ -509,11 +497,9 @@ def test_poses_of_before_a_small_step_back_give_way(footprint):
 def test_outline_in_a_static_frame_is_placed_by_a_new_clock(first):
     """Its transform is sent only once, here before the clock is set back or begins."""
     world = World(OutlineWorld().settings)
-    world.wait_until(first)
-    world.receive_transforms(TF_STATIC, ('odom', 'base', 0, 7.0, 0.0))
+    world.at(first).receive_transforms(TF_STATIC, ('odom', 'base', 0, 7.0, 0.0))
     assert (world.status(), bool(world.scene.footprints)) == ('unknown', first == 0.0)
-    world.wait_until(-5.0)
-    assert world.bounds()[0] == 6.5 and not world.rejections
+    assert world.at(-5.0).bounds()[0] == 6.5 and not world.rejections
 
 
 def test_changed_outline_counts_where_its_frame_has_an_older_pose_only():

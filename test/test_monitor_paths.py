@@ -119,7 +119,7 @@ def test_obstacles_of_other_sources_do_not_count():
 
 def test_what_is_unknown_is_said():
     world = Follower(AHEAD)
-    world.wait_until(1.0)
+    world.at(1.0)
     assert math.isnan(world.check().metres)
     assert world.text == f'unknown: {"; ".join(world.state().reasons)}'
     world.move(1.1, 0.0)
@@ -132,8 +132,7 @@ def test_what_is_unknown_is_said():
     assert math.isnan(world.plan([]).metres)
     assert world.text == 'unknown: no plan, as the last path on /plan is empty'
     world.plan(STRAIGHT)
-    world.wait_until(7.0)
-    assert world.status() == 'unknown'
+    assert world.at(7.0).status() == 'unknown'
     assert math.isnan(world.check().metres) and 'older than its timeout' in world.text
     world.move(7.1, 0.0)
     assert world.check().metres < 5.0
@@ -143,8 +142,7 @@ def test_state_that_is_unknown_since_the_last_check_says_so():
     """And not what was found of the path before."""
     world = at_start(box(5, 3.0))
     assert (world.plan(STRAIGHT).metres, world.text) == (math.inf, 'none')
-    world.wait_until(7.0)
-    assert world.text == f'unknown: {"; ".join(world.state().reasons)}'
+    assert world.at(7.0).text == f'unknown: {"; ".join(world.state().reasons)}'
     world.use(enabled=False)
     assert world.text == 'unknown: footprint robot is disabled'
 

@@ -49,7 +49,7 @@ class Predicted(World):
 
     def place(self, time, points, age=0.0):
         """Receive a footprint that has an age."""
-        self.wait_until(time)
+        self.at(time)
         self.send('robot', points, time - age)
 
     def drive(self, *times, speed=1.0, y=0.0):
@@ -59,7 +59,7 @@ class Predicted(World):
 
     def see(self, time, points, key=1, age=0.0):
         """Receive an obstacle with an id and an age."""
-        self.wait_until(time)
+        self.at(time)
         self.send('map', points, time - age, instance=key)
 
     @property
@@ -79,8 +79,7 @@ def test_time_is_counted_from_now():
     world.drive(0.1)
     assert world.prediction[:2] == (pytest.approx(1.9, abs=1e-3), ObstacleId('map', 2))
     assert world.prediction.velocity.origin == 'footprints'
-    world.wait_until(0.5)
-    assert world.seconds == pytest.approx(1.5, abs=1e-3)
+    assert world.at(0.5).seconds == pytest.approx(1.5, abs=1e-3)
     world.place(0.8, [(x + 0.4, y) for x, y in ROBOT], age=0.4)
     assert world.seconds == pytest.approx(1.2, abs=1e-3)
     assert world.prediction.duration == pytest.approx(1.6, abs=1e-3)
@@ -90,8 +89,7 @@ def test_time_is_0_in_contact_and_after_predicted_contact():
     """The last footprint is 0.5 s old and was 0.1 s before contact; then one touches."""
     world = Predicted([AHEAD])
     world.drive(1.8, 1.9)
-    world.wait_until(2.4)
-    assert world.status() == 'clear' and world.seconds == 0.0
+    assert world.at(2.4).status() == 'clear' and world.seconds == 0.0
     world = Predicted([AHEAD])
     world.drive(2.25)
     assert world.status() == 'collision'
@@ -155,8 +153,7 @@ def test_no_prediction_while_unknown_or_not_requested():
     world = Predicted([AHEAD])
     world.drive(0.0, 0.1)
     assert world.seconds < 3
-    world.wait_until(1.2)
-    assert world.status() == 'unknown' and world.prediction is None
+    assert world.at(1.2).status() == 'unknown' and world.prediction is None
     world.drive(1.3)
     assert world.seconds == pytest.approx(0.7, abs=1e-3)
     world.monitor.update(replace(world.settings, enabled=False))
@@ -167,13 +164,10 @@ def test_velocity_is_used_for_two_seconds():
     """Even if the footprint has no timeout; one at rest stays at rest."""
     world = Predicted([box(9.0)], horizon=60.0, timeout=0.0)
     world.drive(0.0, 0.1)
-    world.wait_until(2.0)
-    assert world.seconds < math.inf
-    world.wait_until(2.2)
-    assert world.status() == 'clear' and world.prediction is None
+    assert world.at(2.0).seconds < math.inf
+    assert world.at(2.2).status() == 'clear' and world.prediction is None
     world.drive(3.0, 3.1, speed=0.0)
-    world.wait_until(50.0)
-    assert world.seconds == math.inf
+    assert world.at(50.0).seconds == math.inf
 
 
 def test_imminent_within_min_time_to_collision():
@@ -184,10 +178,8 @@ def test_imminent_within_min_time_to_collision():
     assert world.status() == 'clear'
     due = (world.scene.deadline - START) / SECOND
     assert due == pytest.approx(1.0, abs=2e-3)
-    world.wait_until(due - 0.01)
-    assert world.status() == 'clear'
-    world.wait_until(due + 0.001)
-    assert world.status() == 'imminent'
+    assert world.at(due - 0.01).status() == 'clear'
+    assert world.at(due + 0.001).status() == 'imminent'
     assert world.scene.state('robot').reasons == (
         'moving on as it does, it is in contact within min_time_to_collision, 1 s',)
     assert world.scene.unknown_reasons('robot') == ()
@@ -198,8 +190,7 @@ def test_imminent_within_min_time_to_collision():
     assert 'release_delay' in world.scene.state('robot').reasons[0]
     world.drive(2.79, speed=0.1)
     assert world.status() == 'imminent'
-    world.wait_until(2.81)
-    assert world.status() == 'clear'
+    assert world.at(2.81).status() == 'clear'
 
 
 def test_imminent_ends_when_the_footprint_brakes_or_its_velocity_is_unknown():
@@ -241,8 +232,7 @@ def test_unknown_takes_precedence_over_imminent():
     world = Predicted([AHEAD], min_time_to_collision=2.0)
     world.drive(0.0, 0.1)
     assert world.status() == 'imminent'
-    world.wait_until(1.2)
-    assert world.status() == 'unknown'
+    assert world.at(1.2).status() == 'unknown'
     world.drive(1.3)
     assert world.status() == 'imminent'
 
@@ -401,11 +391,11 @@ def test_no_time_is_late_and_none_is_given_while_unknown(seed):
             time += rng.uniform(0.0, 2.5)
         elif event == 'back':
             time, last = max(time - rng.uniform(1.3, 2.0), 0.01), []
-            world.wait_until(time)
+            world.at(time)
         elif event == 'turn':
             # Earlier positions do not fit the new motion.
             twist, last = (*rng.uniform(-1.5, 1.5, 2), rng.uniform(-1.5, 1.5)), []
-            world.wait_until(time := time + 2.1)
+            world.at(time := time + 2.1)
         for key in np.flatnonzero(rng.uniform(0.0, 1.0, 6) < 0.9 * (seed % 2)).tolist():
             world.see(time, list(places(time)[key].exterior.coords)[:-1], key + 1)
         points = list(where(outline, twist, time).exterior.coords)[:-1]
@@ -413,7 +403,7 @@ def test_no_time_is_late_and_none_is_given_while_unknown(seed):
             points = points[:-1]
         world.place(time, points)
         last = [*last, (time, len(points))][-2:]
-        world.wait_until(time + rng.choice([0.0, rng.uniform(0.0, 1.3)]))
+        world.at(time + rng.choice([0.0, rng.uniform(0.0, 1.3)]))
         (before, n), (_, m) = last[0], last[-1]
         age = world.time - time
         is_known = n == m and 0.0 < time - before <= 2.0 and age <= 1.0
@@ -444,10 +434,8 @@ def test_stamps_ahead_of_our_clock_give_no_slower_velocity(ahead):
     for pause in (0.0, 0.5):
         world = Predicted([walker(0.0)], moving=True)
         world.see(0.1, walker(0.0), age=-ahead)
-        world.wait_until(0.1 + pause)
-        world.send('map', walker(0.1), 0.2 + ahead, instance=1)
+        world.at(0.1 + pause).send('map', walker(0.1), 0.2 + ahead, instance=1)
         world.send('robot', ROBOT, 0.1 + ahead)
-        world.wait_until(0.2 + pause)
-        world.send('robot', [(x + 0.1, y) for x, y in ROBOT], 0.2 + ahead)
+        world.at(0.2 + pause).send('robot', [(x + 0.1, y) for x, y in ROBOT], 0.2 + ahead)
         assert world.prediction.velocity.twist[0] == pytest.approx(1.0, abs=1e-3)
         assert world.prediction.is_known and world.seconds < 1.95 + pause

@@ -34,8 +34,7 @@ def test_velocity_by_transforms():
     twist, pose, origin, _ = world.scene.velocity('robot')
     assert twist[2] == pytest.approx(0.5) and pose == pytest.approx((0.3, 0.0, 0.0))
     assert math.hypot(*twist[:2]) == pytest.approx(1.0, rel=1e-3) and origin == 'transforms'
-    world.wait_until(-1.0)
-    world.move(-0.9, 5.0)
+    world.at(-1.0).move(-0.9, 5.0)
     assert world.scene.velocity('robot') == ''
 
 
@@ -152,7 +151,7 @@ def test_footprints_that_share_odometry_have_its_last_velocity():
     """
     world = OutlineWorld(BY_ODOMETRY, replace(BY_ODOMETRY, name='load'), tracks_motion=True)
     for time, speed, ahead in ((1.1, 0.0, 0.9), (1.2, 1.0, 0.0), (0.9, 2.0, 0.0)):
-        world.wait_until(time)
+        world.at(time)
         data = odometry('odom', 'base', nanoseconds(time + ahead), time, 0.0,
                         twist=(speed, 0.0, 0.0))
         for name in ('robot', 'load'):

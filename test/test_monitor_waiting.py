@@ -30,19 +30,16 @@ def test_message_waits_for_its_transform(robot):
     """Until then the obstacles before it stay."""
     robot.see(box(0.5), 1.0, 'odom')
     assert robot.status() == 'collision'
-    robot.wait_until(1.05)
-    assert robot.see(box(9), 1.05, 'base') is None
+    assert robot.at(1.05).see(box(9), 1.05, 'base') is None
     assert robot.status() == 'collision' and 'lidar' in robot.monitor.waiting
-    robot.wait_until(1.1)
-    robot.move(1.1)
+    robot.at(1.1).move(1.1)
     assert robot.status() == 'clear' and 'lidar' not in robot.monitor.waiting
     assert robot.seen == [pytest.approx((10.05, 0, 11.05, 1))]
 
 
 def test_obstacle_behind_a_waiting_one_counts_once_it_has_a_place(robot):
     """At once, or by its own transform; ids without meaning, 0, do not replace each other."""
-    robot.wait_until(1.05)
-    robot.see(box(9), 1.05, 'camera')
+    robot.at(1.05).see(box(9), 1.05, 'camera')
     for x, instance in ((20, 0), (21, 0), (0.5, 7)):
         robot.see(box(x), 1.05, 'odom', instance)
     assert robot.state().contacts == (ObstacleId('lidar', 7),)
@@ -56,8 +53,7 @@ def test_obstacle_behind_a_waiting_one_counts_once_it_has_a_place(robot):
 
 @pytest.mark.parametrize('points', [BOW_TIE, CIRCLE])
 def test_refused_message_behind_a_waiting_one_counts_at_once(robot, points):
-    robot.wait_until(1.05)
-    robot.see(box(9), 1.05, 'camera')
+    robot.at(1.05).see(box(9), 1.05, 'camera')
     robot.see(points, 1.05, 'odom', 2)
     assert 'sent what was refused' in robot.state().reasons[0]
 
@@ -65,8 +61,7 @@ def test_refused_message_behind_a_waiting_one_counts_at_once(robot, points):
 def test_obstacle_that_was_queued_is_not_held_beside_itself(robot):
     """Even if something always waits: it goes where its newest message says."""
     for k in range(1, 20):
-        robot.wait_until(1.0 + k / 20)
-        robot.see(box(30), 1.0 + k / 20, 'base', 2)
+        robot.at(1.0 + k / 20).see(box(30), 1.0 + k / 20, 'base', 2)
         robot.see(box(0.5 if k < 5 else 9), 1.0 + k / 20, 'odom')
         robot.move(1.0 + (k - 1) / 20 + 0.01)
         assert 'lidar' in robot.monitor.waiting
@@ -77,20 +72,16 @@ def test_obstacle_that_was_queued_is_not_held_beside_itself(robot):
 
 def test_obstacle_that_was_refused_does_not_count_while_later_ones_wait(robot):
     """Its transform comes after its wait has ended, when one behind it still waits."""
-    robot.wait_until(1.1)
-    robot.see([(0.2, 1.4), (0.4, 1.4), (0.4, 1.8), (0.2, 1.8)], 1.1)  # on the robot
-    robot.wait_until(1.25)
-    robot.see(box(9), 1.25, 'camera', 2)
-    robot.wait_until(1.35)
-    robot.move(1.35)
+    robot.at(1.1).see([(0.2, 1.4), (0.4, 1.4), (0.4, 1.8), (0.2, 1.8)], 1.1)  # on the robot
+    robot.at(1.25).see(box(9), 1.25, 'camera', 2)
+    robot.at(1.35).move(1.35)
     assert (len(robot.rejections), robot.monitor.waiting.counts()) == (1, {'lidar': 1})
     assert (robot.seen, robot.status()) == ([], 'unknown')
 
 
 def test_obstacles_that_count_while_queued_are_bounded(robot):
     """By max_count, 5; beyond it the source is unknown until they were received."""
-    robot.wait_until(1.05)
-    robot.see(box(9), 1.05, 'camera')
+    robot.at(1.05).see(box(9), 1.05, 'camera')
     for k in range(6):
         robot.see(box(20 + k), 1.05, 'odom', 2 + k % 4)
     assert len(robot.seen) == 5 and 'too many obstacles' in robot.state().reasons[0]
@@ -133,12 +124,9 @@ def test_mark_is_never_refused_for_its_frame():
 def test_waiting_ends_after_transform_timeout(robot):
     """The refused obstacle makes the footprint unknown, with the reason."""
     robot.see(box(9), 1.0, 'odom')
-    robot.wait_until(1.05)
-    robot.see(box(9), 1.05, 'laser')
-    robot.wait_until(1.25)
-    assert robot.status() == 'clear'
-    robot.wait_until(1.2500001)
-    assert robot.status() == 'unknown' and robot.reasons == [frames.NO_TRANSFORM]
+    robot.at(1.05).see(box(9), 1.05, 'laser')
+    assert robot.at(1.25).status() == 'clear'
+    assert robot.at(1.2500001).status() == 'unknown' and robot.reasons == [frames.NO_TRANSFORM]
     text = robot.rejections[0].text
     assert text.startswith(
         'lidar: a message on /polygons was rejected, no transform: no transform from laser to odom'
@@ -152,8 +140,7 @@ def test_waiting_ends_after_transform_timeout(robot):
 
 def test_deadline_of_a_waiting_message(robot):
     assert robot.monitor.deadline >= robot.now
-    robot.wait_until(1.05)
-    robot.see(box(9), 1.05)
+    robot.at(1.05).see(box(9), 1.05)
     assert robot.monitor.deadline == nanoseconds(1.25)
 
 
@@ -204,30 +191,23 @@ def test_map_behind_a_waiting_part_counts_whatever_its_stamp():
 
 
 def test_small_step_back_of_the_clock_makes_no_wait_longer(robot):
-    robot.wait_until(1.05)
-    robot.see(box(9), 1.05)
-    robot.wait_until(0.65)
-    assert robot.monitor.deadline == nanoseconds(0.85)
-    robot.wait_until(0.8500001)
+    robot.at(1.05).see(box(9), 1.05)
+    assert robot.at(0.65).monitor.deadline == nanoseconds(0.85)
+    robot.at(0.8500001)
     assert robot.reasons == [frames.NO_TRANSFORM] and not robot.monitor.waiting.counts()
 
 
 def test_waiting_counts_towards_the_age(robot):
-    robot.wait_until(1.05)
-    robot.see(box(9), 1.05)
-    robot.wait_until(1.2)
-    robot.move(1.2)
+    robot.at(1.05).see(box(9), 1.05)
+    robot.at(1.2).move(1.2)
     assert robot.seen
-    robot.wait_until(3.05)
-    assert robot.seen
-    robot.wait_until(3.0500001)
-    assert not robot.seen
+    assert robot.at(3.05).seen
+    assert not robot.at(3.0500001).seen
 
 
 @pytest.mark.parametrize('time, reason', [(-0.1, frames.NO_TRANSFORM), (1.3, frames.GAP)])
 def test_transform_that_cannot_come_is_not_waited_for(robot, time, reason):
-    robot.wait_until(1.6)
-    robot.move(1.6)
+    robot.at(1.6).move(1.6)
     robot.see(box(9), time)
     assert robot.reasons == [reason] and 'lidar' not in robot.monitor.waiting
     assert robot.status() == 'unknown'
@@ -235,11 +215,9 @@ def test_transform_that_cannot_come_is_not_waited_for(robot, time, reason):
 
 def test_footprint_waits_and_is_refused(robot):
     robot.see(box(9), 1.0, 'odom')
-    robot.wait_until(1.1)
-    robot.send('robot', box(0), 1.1, 'base')
+    robot.at(1.1).send('robot', box(0), 1.1, 'base')
     assert robot.status() == 'clear'
-    robot.wait_until(1.4)
-    assert robot.reasons == [frames.NO_TRANSFORM]
+    assert robot.at(1.4).reasons == [frames.NO_TRANSFORM]
     assert robot.monitor.scene.state('robot').reasons == (
         'footprint robot on /footprint was refused: no transform',)
 
@@ -249,7 +227,7 @@ def test_messages_that_wait_are_limited_in_number_and_bytes(
         robot, monkeypatch, most_bytes, waiting):
     """To twice the max_count of a source; the first ones are refused, and the source unknown."""
     monkeypatch.setattr('sat_collision.messages.waiting._BYTES_WAIT', most_bytes)
-    robot.wait_until(1.01)
+    robot.at(1.01)
     for k in range(12):
         robot.see(box(9 + k), 1.01, instance=1 + k % 5)
     assert robot.monitor.waiting.counts() == {'lidar': waiting}
@@ -277,15 +255,13 @@ def test_set_with_a_waiting_message_is_not_whole():
     robot = Robot(SETS)
     robot.stand(0)
     robot.move(0.1)
-    robot.wait_until(0.1)
+    robot.at(0.1)
     for points in (box(0), ()):
         robot.see(points, 0.1, 'odom', None)
-    robot.wait_until(0.2)
-    robot.see(box(7), 0.2, 'odom', None)
+    robot.at(0.2).see(box(7), 0.2, 'odom', None)
     robot.see(box(0), 0.2, 'base', None)
     robot.see((), 0.2, 'odom', None)
-    robot.wait_until(0.39)
-    assert robot.status() == 'collision'
+    assert robot.at(0.39).status() == 'collision'
     assert sorted(robot.seen) == [(0, 0, 1, 1), (7, 0, 8, 1)]
     robot.move(0.35, 0.2)
     # At 0.2 s, between 0.1 at 0.1 s and 0.2 at 0.35 s, the base was at 0.14.
@@ -326,8 +302,7 @@ def test_footprint_of_stamp_0_behind_one_that_waits_counts_from_its_arrival(robo
     robot.send('robot', box(0), 1.0, 'camera')
     robot.send('robot', box(0), 'none')
     for time, status in ((1.3, 'clear'), (1.51, 'unknown')):
-        robot.wait_until(time)
-        robot.see((), time)
+        robot.at(time).see((), time)
         assert robot.status() == status
 
 
@@ -336,17 +311,16 @@ def test_obstacle_of_stamp_0_counts_from_its_arrival():
     footprint = FootprintSettings('robot', '/footprint', timeout=0.0)
     robot = Robot(replace(SETS, footprints=(footprint,)))
     robot.stand(0)
-    robot.wait_until(3.0)
+    robot.at(3.0)
     robot.monitor.receive_batch('lidar', [serialised((), 0, 'odom')], robot.now, 1,
                                 arrived=nanoseconds(0.0))
     assert robot.status() == 'clear'
-    robot.wait_until(5.01)
-    assert robot.status() == 'unknown'
+    assert robot.at(5.01).status() == 'unknown'
 
 
 def test_transform_of_stamp_0_counts_from_its_arrival():
     robot = Robot()
-    robot.wait_until(1.0)
+    robot.at(1.0)
     robot.monitor.receive_transforms(TF, transforms(('odom', 'base', 0, 1.0, 0.0)), robot.now,
                                      arrived=nanoseconds(0.25))
     assert robot.monitor.transforms.lookup_affine('base', 0, robot.now).at == nanoseconds(0.25)
@@ -359,13 +333,12 @@ def test_change_of_publishers_is_not_dropped_when_time_steps_back():
     robot.see(box(9), 0.0, 'base', None)
     robot.monitor.update_publishers('lidar', [Endpoint('a', '/a')])
     assert 'has 2 publishers' in robot.scene.source_faults[0]
-    robot.wait_until(-5.0)
+    robot.at(-5.0)
     assert 'publishers' not in robot.scene.source_faults[0]
 
 
 def test_disabled_source_drops_waiting_messages(robot):
-    robot.wait_until(1.05)
-    robot.see(box(9), 1.05)
+    robot.at(1.05).see(box(9), 1.05)
     switch(robot, 'obstacles', False)
     robot.move(1.1)
     assert robot.seen == [] and not robot.rejections
@@ -391,10 +364,9 @@ def test_what_waited_before_it_was_disabled_never_counts(name, kind):
 @pytest.mark.parametrize('steps', [[0.0], [0.5, 0.0]], ids=['one', 'two'])
 def test_steps_back_in_time_drop_waiting_messages_and_transforms(robot, steps):
     """Static transforms stay."""
-    robot.wait_until(1.05)
-    robot.see(box(9), 1.05)
+    robot.at(1.05).see(box(9), 1.05)
     for time in steps:
-        robot.wait_until(time)
+        robot.at(time)
     assert 'lidar' not in robot.monitor.waiting
     robot.see((), -2.0)
     robot.see(box(9), 0.0, 'base')
@@ -403,8 +375,7 @@ def test_steps_back_in_time_drop_waiting_messages_and_transforms(robot, steps):
     assert robot.seen == [(109, 0, 110, 1)]
     for time in (1.5, 3.1):
         assert robot.status() == 'unknown'
-        robot.wait_until(time)
-        robot.see(box(9), time, 'odom')
+        robot.at(time).see(box(9), time, 'odom')
         robot.stand(0)
     assert robot.status() == 'clear' and not robot.rejections
 
@@ -414,6 +385,5 @@ def test_step_back_is_noticed_by_the_first_message(robot):
     robot.time = -0.5
     robot.see(box(9), -0.5, 'base')
     assert robot.seen == [] and 'lidar' in robot.monitor.waiting
-    robot.wait_until(-0.4)
-    robot.move(-0.5, 50.0)
+    robot.at(-0.4).move(-0.5, 50.0)
     assert robot.seen == [(59, 0, 60, 1)]

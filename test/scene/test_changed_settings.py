@@ -30,15 +30,13 @@ def test_a_longer_timeout_is_unknown_until_it_has_passed(settings):
     stage = known_stage(settings)
     stage.see(0.5, instance=2)
     for time in (1.5, 3.0):
-        stage.wait_until(time)
-        stage.see(10, instance=1)
+        stage.at(time).see(10, instance=1)
     assert status_and_reasons(stage) == ('clear', ())
     change(stage, timeout=6.0)
     assert status_and_reasons(stage) == ('unknown', (
         LIDAR_SAYS + 'has not been received for its timeout of 6 s and future_tolerance, 1 s, '
         'without a gap since its parameters were changed',))
-    stage.wait_until(5.0)
-    stage.see(0.5, instance=2)
+    stage.at(5.0).see(0.5, instance=2)
     assert stage.status() == 'collision'
     pass_by(stage, 10.0, 11.5)
     assert status_and_reasons(stage) == ('clear', ())
@@ -48,10 +46,8 @@ def test_a_longer_timeout_is_unknown_until_it_has_passed(settings):
 def test_a_shorter_timeout_forgets_sooner_and_all_stays_known(settings):
     stage = known_stage(settings)
     change(stage, timeout=0.1)
-    stage.wait_until(0.1)
-    stage.see(0.5, instance=1)
-    stage.wait_until(0.2)
-    stage.see(10, instance=2)
+    stage.at(0.1).see(0.5, instance=1)
+    stage.at(0.2).see(10, instance=2)
     assert status_and_reasons(stage) == ('collision', ())
     pass_by(stage, 0.204)
     assert status_and_reasons(stage) == ('clear', ())
@@ -61,11 +57,10 @@ def test_timeout_of_sets_can_be_changed_live():
     """A shorter one forgets at once; a longer one restores neither obstacles nor knowledge."""
     stage = with_robot(LIDAR)
     stage.send(0.5)
-    stage.wait_until(1.5)
+    stage.at(1.5)
     change(stage, timeout=10.0)
     stage.send(0.5)
-    stage.wait_until(9.0)
-    assert status_and_reasons(stage) == ('collision', (
+    assert status_and_reasons(stage.at(9.0)) == ('collision', (
         LIDAR_SAYS + 'has not sent a whole set since its parameters were changed',))
     change(stage, timeout=5.0)
     assert status_and_reasons(stage) == ('unknown', (SILENT.replace('of 2 s', 'of 5 s'),))

@@ -50,7 +50,7 @@ def test_common_fault_evaluates_every_footprint_once(stage, evaluated):
     assert sorted(evaluated) == ['cart', 'robot']
     assert all('clock stands still' in stage.scene.state(name).reasons[0] for name in evaluated)
     stage.scene.stop_clock('the clock stands still')
-    stage.wait_until(0.01)
+    stage.at(0.01)
     assert len(evaluated) == 2
 
 
@@ -65,10 +65,9 @@ def test_changes_are_returned_once_in_the_order_of_the_settings(stage):
 
 
 def test_deadline_is_when_the_first_footprint_becomes_stale(stage):
-    stage.wait_until(0.5)
-    stage.robot()
+    stage.at(0.5).robot()
     assert stage.scene.deadline == stage.stamp(1)
-    stage.wait_until(1.1)
+    stage.at(1.1)
     assert [stage.status(name) for name in ('robot', 'cart')] == ['unknown'] * 2
     assert stage.scene.deadline == stage.stamp(1.5)
 
@@ -92,22 +91,18 @@ def test_changes_include_contacts_and_reasons(stage):
 def test_next_set_with_the_same_contacts_is_no_change():
     """Also while obstacles of both sets are held; one contact more or fewer is a change."""
     stage = clear_stage()
-    stage.wait_until(0.1)
-    stage.send(0.5, 0.6)
+    stage.at(0.1).send(0.5, 0.6)
     assert stage.scene.take_changes().changed == ['robot']
-    stage.wait_until(0.2)
-    stage.see(0.5)
+    stage.at(0.2).see(0.5)
     assert stage.scene.take_changes().changed == []
     stage.see(0.7)
     assert stage.scene.take_changes().changed == []
     stage.end()
     assert stage.scene.take_changes().changed == []
     assert [contact.key for contact in stage.state().contacts] == [0, 1]
-    stage.wait_until(0.3)
-    stage.send(0.5)
+    stage.at(0.3).send(0.5)
     assert stage.scene.take_changes().changed == ['robot']
-    stage.wait_until(0.4)
-    stage.see(0.5)
+    stage.at(0.4).see(0.5)
     stage.see(0.6)
     assert stage.scene.take_changes().changed == ['robot']
     assert [contact.key for contact in stage.state().contacts] == [0, 1]
@@ -118,8 +113,7 @@ def test_collision_between_two_reports_is_a_brief_contact():
     stage = clear_stage()
     stage.scene.take_changes()
     stage.send(0.5)
-    stage.wait_until(0.1)
-    stage.send(20)
+    stage.at(0.1).send(20)
     assert stage.scene.take_changes() == ([], ['robot'])
     assert stage.scene.take_changes() == ([], [])
     stage.robot(20.5)
@@ -127,8 +121,7 @@ def test_collision_between_two_reports_is_a_brief_contact():
     stage.robot(0)
     assert stage.scene.take_changes() == (['robot'], [])
     stage.robot(20.5)
-    stage.wait_until(0.2)
-    stage.see(40)
+    stage.at(0.2).see(40)
     assert stage.scene.take_changes() == (['robot'], [])
     stage.robot(0)
     stage.robot(20.5)
@@ -148,10 +141,8 @@ def test_time_alone_changes_nothing_before_a_deadline():
     stage = clear_stage()
     stage.scene.take_changes()
     for hundredth in range(100):
-        stage.wait_until(hundredth / 100)
-        assert stage.scene.take_changes().changed == []
-    stage.wait_until(1.01)
-    assert stage.scene.take_changes().changed == ['robot']
+        assert stage.at(hundredth / 100).scene.take_changes().changed == []
+    assert stage.at(1.01).scene.take_changes().changed == ['robot']
 
 
 def test_contacts_are_sorted_only_when_read(monkeypatch):

@@ -24,10 +24,8 @@ def test_footprint_goes_stale_by_its_stamp(stamp, end):
     stage = with_robot(UNTIMED_LIDAR, footprints=[ROBOT], stamp=stamp)
     stage.end()
     assert stage.state().age == pytest.approx(1.0 - end)
-    stage.wait_until(end)
-    assert stage.status() == 'clear'
-    stage.wait_until(end + 0.001)
-    assert status_and_reasons(stage) == ('unknown', (TOO_OLD,))
+    assert stage.at(end).status() == 'clear'
+    assert status_and_reasons(stage.at(end + 0.001)) == ('unknown', (TOO_OLD,))
     assert stage.state().age == pytest.approx(1.001)
     stage.robot()
     assert stage.status() == 'clear'
@@ -38,7 +36,7 @@ def test_stale_footprint_in_contact_is_unknown():
     stage = Stage(UNTIMED_LIDAR)
     stage.robot()
     stage.send(0.5)
-    stage.wait_until(1.001)
+    stage.at(1.001)
     state = stage.state()
     assert (state.status.value, state.contacts, state.reasons) == ('unknown', (), (TOO_OLD,))
     assert [name for name, _ in stage.scene.footprints] == ['robot']
@@ -46,8 +44,7 @@ def test_stale_footprint_in_contact_is_unknown():
 
 def test_footprint_that_arrives_stale_is_stale_at_once():
     stage = clear_stage(UNTIMED_LIDAR)
-    stage.wait_until(2.5)
-    stage.robot(stamp=1.499)
+    stage.at(2.5).robot(stamp=1.499)
     assert status_and_reasons(stage) == ('unknown', (TOO_OLD,))
     stage.robot(stamp=1.5)
     assert stage.status() == 'clear'
@@ -56,8 +53,7 @@ def test_footprint_that_arrives_stale_is_stale_at_once():
 def test_older_footprint_after_a_newer_one_is_refused():
     """Two messages arrive in the wrong order."""
     stage = clear_stage(UNTIMED_LIDAR)
-    stage.wait_until(0.5)
-    stage.robot(10.5)
+    stage.at(0.5).robot(10.5)
     assert stage.robot(20, stamp=0.499) == 'older than the last'
     assert stage.status() == 'collision'
     assert stage.robot(20, stamp=0.5) is None
@@ -70,7 +66,7 @@ def test_older_footprint_is_accepted_when_the_last_one_no_longer_counts(footprin
     stage = clear_stage(UNTIMED_LIDAR, footprints=[footprint])
     if footprint is ROBOT:
         assert stage.robot(10.5, stamp=-0.1) == 'older than the last'
-        stage.wait_until(1.001)
+        stage.at(1.001)
     assert stage.robot(10.5, stamp=stage.time - 0.1) is None
     assert stage.status() == 'collision'
     stage.refuse(name='robot')
@@ -82,8 +78,7 @@ def test_footprint_stamped_ahead_does_not_block_later_ones():
     """Its time is that of its arrival."""
     stage = clear_stage()
     assert stage.robot(stamp=0.9) is None
-    stage.wait_until(0.1)
-    assert stage.robot(10.5, stamp=0.05) is None
+    assert stage.at(0.1).robot(10.5, stamp=0.05) is None
     assert stage.status() == 'collision'
     assert stage.robot(20, stamp=0.04) == 'older than the last'
 
@@ -129,8 +124,7 @@ def test_footprint_with_two_publishers_is_unknown():
     assert 'whose numbers are those of two publishers' in stage.state().reasons[0]
     for time in (1.0, 1.001):
         assert stage.status() == 'unknown'
-        stage.wait_until(time)
-        stage.robot()
+        stage.at(time).robot()
     assert stage.status() == 'clear'
 
 
@@ -167,16 +161,15 @@ def test_release_delay_starts_again_with_each_contact():
     stage.see(0.5)
     assert stage.status() == 'collision'
     for time, x in ((0.1, 5), (0.5, 0.5), (0.6, 5)):
-        stage.wait_until(time)
-        stage.see(x)
+        stage.at(time).see(x)
         stage.end()
         assert stage.status() == 'collision'
     assert stage.state().contacts == ()
     assert stage.state().reasons == ('clear for less than release_delay, 0.5 s',)
     stage.scene.take_changes()
-    stage.wait_until(1.099)
+    stage.at(1.099)
     assert (stage.status(), stage.scene.take_changes().changed) == ('collision', [])
-    stage.wait_until(1.1)
+    stage.at(1.1)
     assert (stage.status(), stage.scene.take_changes().changed) == ('clear', ['robot'])
     assert stage.state().reasons == ()
 
@@ -185,14 +178,10 @@ def test_brief_contact_restarts_the_release_delay():
     """Even if no state was read during the contact."""
     stage = with_robot(release_delay=0.5)
     stage.send(5)
-    stage.wait_until(0.3)
-    stage.send(0.5)
-    stage.wait_until(0.4)
-    stage.send(6)
-    stage.wait_until(0.8)
-    assert stage.status() == 'collision'
-    stage.wait_until(0.9)
-    assert stage.status() == 'clear'
+    stage.at(0.3).send(0.5)
+    stage.at(0.4).send(6)
+    assert stage.at(0.8).status() == 'collision'
+    assert stage.at(0.9).status() == 'clear'
 
 
 def test_release_delay_applies_to_unknown():
@@ -201,14 +190,12 @@ def test_release_delay_applies_to_unknown():
     stage.send(5)
     assert stage.status() == 'unknown'
     assert stage.state().reasons == ('clear for less than release_delay, 0.5 s',)
-    stage.wait_until(0.5)
-    assert stage.status() == 'clear'
+    assert stage.at(0.5).status() == 'clear'
 
 
 def test_timeout_and_release_delay_can_be_changed_live():
     stage = clear_stage(UNTIMED_LIDAR)
-    stage.wait_until(1.5)
-    assert stage.status() == 'unknown'
+    assert stage.at(1.5).status() == 'unknown'
     untimed = replace(stage.settings, footprints=(UNTIMED_ROBOT,), release_delay=5.0)
     stage.scene.update(untimed)
     assert stage.state().reasons == ('clear for less than release_delay, 5 s',)
@@ -221,8 +208,7 @@ def test_timeout_and_release_delay_can_be_changed_live():
 def test_release_delay_does_not_delay_collision_or_unknown():
     stage = with_robot(release_delay=0.5)
     stage.send(5)
-    stage.wait_until(1.0)
-    assert stage.status() == 'clear'
+    assert stage.at(1.0).status() == 'clear'
     stage.see(0.5)
     assert stage.status() == 'collision'
     stage.refuse(name='robot')
@@ -232,8 +218,7 @@ def test_release_delay_does_not_delay_collision_or_unknown():
 def test_stamps_of_another_clock_are_reported_as_such():
     """A recording of last year is played without use_sim_time; later, old is just old."""
     stage = clear_stage(UNTIMED_LIDAR, start=1e5)
-    stage.wait_until(2.0)
-    stage.robot(stamp=-4000.0)
+    stage.at(2.0).robot(stamp=-4000.0)
     reason, = stage.state().reasons
     assert 'footprint robot on /footprint has stamps' in reason and 'use_sim_time: true' in reason
     stage.robot(stamp=4000.0)
@@ -245,8 +230,7 @@ def test_stamps_of_another_clock_are_reported_as_such():
     stage.send(10)
     stage.robot()
     assert stage.status() == 'clear'
-    stage.wait_until(9000.0)
-    assert stage.state().reasons == (TOO_OLD,)
+    assert stage.at(9000.0).state().reasons == (TOO_OLD,)
 
 
 DOCK = replace(LIDAR, name='dock', topic='/dock', timeout=100.0)
@@ -312,8 +296,7 @@ def test_faults_of_other_sources_are_ignored():
         stage.see(9, name=name)
         stage.end(name=name)
     assert stage.status('all') == 'clear'
-    stage.wait_until(2.001)
-    stage.refuse(name='dock')
+    stage.at(2.001).refuse(name='dock')
     refused = ('obstacle source dock on /dock has not sent a whole set since a message was '
                'refused: not finite')
     assert status_and_reasons(stage) == ('clear', ())

@@ -20,8 +20,7 @@ def test_map_sent_again_after_its_clock_went_back_is_whole(back):
     """Also where our clock goes back with it; of the map before nothing stays."""
     stage = with_robot(UNTIMED_LIDAR)
     stage.send(0.5, 20)
-    stage.wait_until(-back)
-    stage.robot()
+    stage.at(-back).robot()
     assert status_and_reasons(stage) == ('collision', ())
     stage.send(0.5, 20, stamp=-7200.0)
     assert status_and_reasons(stage) == ('collision', ())
@@ -57,10 +56,8 @@ def test_map_in_a_frame_that_is_not_known_is_not_known(pass_by_time):
                          stage.now, stage.now, None, stage.number('lidar'))
     stage.end()
     stage.scene.limit_frames('lidar', {'map2': ('', stage.stamp(5.0))})
-    stage.wait_until(5.0)
-    assert status_and_reasons(stage) == ('clear', ())
-    stage.wait_until(5.001 if pass_by_time else -5.0)
-    stage.robot()
+    assert status_and_reasons(stage.at(5.0)) == ('clear', ())
+    stage.at(5.001 if pass_by_time else -5.0).robot()
     assert status_and_reasons(stage) == (
         'unknown', (LIDAR_SAYS + 'is a map in a frame whose transform is too old',))
     stage.scene.limit_frames('lidar', {'map2': ('', stage.stamp(60.0))})
@@ -81,8 +78,7 @@ def test_open_update_of_a_map_makes_it_unknown_though_the_clock_goes_back():
         stage = with_robot(UNTIMED_LIDAR)
         stage.send(10)
         stage.see(20)
-        stage.wait_until(back)
-        stage.robot()
+        stage.at(back).robot()
         assert status_and_reasons(stage) == ('unknown', (
             LIDAR_SAYS + 'has not sent a whole map since it began to send another one',))
 
@@ -113,8 +109,7 @@ def test_map_stays_until_a_new_publisher_sends_a_whole_one():
     stage.publish_by('a')
     stage.send(0.5)
     stage.publish_by()
-    stage.wait_until(100.0)
-    assert status_and_reasons(stage) == ('collision', (LIDAR_SAYS + 'has no publisher',))
+    assert status_and_reasons(stage.at(100.0)) == ('collision', (LIDAR_SAYS + 'has no publisher',))
     stage.publish_by('b')
     stage.restart()
     stage.see(10)

@@ -37,8 +37,7 @@ def test_obstacle_moves_into_contact_and_away():
     stage = clear_stage()
     for time, x, status in ((0.1, 5, 'clear'), (0.2, 1, 'collision'), (0.3, 0.3, 'collision'),
                             (0.4, -1.01, 'clear')):
-        stage.wait_until(time)
-        stage.see(x)
+        stage.at(time).see(x)
         stage.end()
         assert stage.status() == status
 
@@ -89,8 +88,7 @@ def test_unknown_until_the_clock_starts():
     assert stage.state().reasons[0].endswith('publish /clock, or set use_sim_time to false')
     assert stage.scene.take_changes().changed == ['robot']
     stage.start = 1000.0
-    stage.wait_until(0.0)
-    assert stage.scene.take_changes().changed == ['robot']
+    assert stage.at(0.0).scene.take_changes().changed == ['robot']
     assert stage.state().reasons[0] == TOO_OLD
     stage.robot()
     assert stage.status() == 'collision'
@@ -101,8 +99,7 @@ def test_stamp_before_0_is_old():
     stage = clear_stage()
     assert stage.robot(1.0, stamp=-1005.0) == OVERTAKEN
     assert stage.see(0.5, stamp=-1005.0) == OLD_OBSTACLE
-    stage.wait_until(2.001)
-    stage.robot(stamp=-1005.0)
+    stage.at(2.001).robot(stamp=-1005.0)
     assert stage.state().reasons == (
         TOO_OLD, 'obstacle source lidar on /polygons has sent nothing of use for longer than its '
         'timeout of 2 s: its stamps are older than that')
@@ -115,27 +112,24 @@ def test_clock_that_goes_back_begins_anew(steps):
     stage.send(0.5)
     for time in steps:
         assert stage.status() == 'collision'
-        stage.wait_until(time)
+        stage.at(time)
     assert stage.scene.footprints == []
     assert status_and_reasons(stage) == ('unknown', tuple(
         reason.replace('yet', 'since the clock was set')
         for reason in (NOT_RECEIVED, NOTHING_SENT)))
     stage.robot()
     assert stage.status() == 'collision'
-    stage.wait_until(0.5)
-    stage.send(20)
+    stage.at(0.5).send(20)
     assert stage.status() == 'collision', 'what comes was met in its middle'
     stage.send(20)
     assert stage.status() == 'collision'
-    stage.wait_until(0.9991)
-    assert status_and_reasons(stage) == ('clear', ())
+    assert status_and_reasons(stage.at(0.9991)) == ('clear', ())
 
 
 def test_clock_that_goes_back_by_little_changes_nothing():
     """By no more than future_tolerance; ages stop at 0."""
     stage = clear_stage(footprints=[UNTIMED_ROBOT])
-    stage.wait_until(-1.0)
-    assert status_and_reasons(stage) == ('clear', ())
+    assert status_and_reasons(stage.at(-1.0)) == ('clear', ())
     assert stage.state().age == 0.0
     stage.send(0.5)
     assert stage.status() == 'collision'

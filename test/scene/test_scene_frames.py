@@ -20,8 +20,7 @@ def test_frame_is_that_of_all_footprints_of_the_last_second():
     stage.robot(frame='odom', name='cart')
     stage.send(10)
     assert stage.robot(frame='map') == 'other frame', 'they do not agree'
-    stage.wait_until(0.5)
-    assert stage.robot(name='cart') is None
+    assert stage.at(0.5).robot(name='cart') is None
     assert stage.scene.frame_id == 'map'
     stage.robot()
     assert stage.status('robot') == stage.status('cart') == 'unknown'
@@ -33,10 +32,8 @@ def test_frame_ignores_footprints_older_than_a_second():
     """A footprint still in the old frame is unknown from then on."""
     stage = Stage(footprints=[ROBOT, replace(CART, timeout=0.0)])
     stage.robot(frame='odom', name='cart')
-    stage.wait_until(1.0)
-    assert stage.robot() == 'other frame'
-    stage.wait_until(1.001)
-    assert stage.robot() is None
+    assert stage.at(1.0).robot() == 'other frame'
+    assert stage.at(1.001).robot() is None
     assert stage.state('cart').reasons[0] == (
         "footprint cart on /cart/footprint is not in the frame 'map'")
 
@@ -50,8 +47,7 @@ def test_first_footprint_sets_the_frame():
     stage.end()
     assert stage.status() == 'unknown'
     assert stage.state().reasons == (REFUSED + 'other frame',)
-    stage.wait_until(0.1)
-    stage.see(0.5, frame='odom')
+    stage.at(0.1).see(0.5, frame='odom')
     assert stage.status() == 'collision'
 
 
@@ -67,8 +63,7 @@ def test_obstacles_received_before_the_frame_is_known(settings):
     assert stage.status() == 'collision'
     assert stage.state().reasons[-1].endswith('a message was refused: other frame')
     for time in (0.1, 2.0, 3.2):
-        stage.wait_until(time)
-        stage.robot(frame='odom')
+        stage.at(time).robot(frame='odom')
         stage.see(0.5, frame='odom', instance=1)
         stage.see(8.5, frame='odom', instance=2)
         stage.end()
@@ -91,8 +86,7 @@ def test_configured_frame_refuses_other_frames_from_the_start():
     assert stage.robot(frame='odom') == 'other frame'
     assert stage.state().reasons == (
         "footprint robot on /footprint is not in the frame 'map'", REFUSED + 'other frame')
-    stage.wait_until(0.1)
-    stage.see(0.5)
+    stage.at(0.1).see(0.5)
     stage.robot()
     assert stage.status() == 'collision'
 
@@ -119,7 +113,7 @@ def test_step_back_in_time_resets_the_frame():
     """The next recording may use another one."""
     stage = clear_stage()
     for time in (-1.0, -0.9):
-        stage.wait_until(time)
+        stage.at(time)
     stage.robot(frame='odom')
     for stamp in (-1.0, None):
         stage.see(10, stamp, frame='odom')

@@ -40,7 +40,7 @@ def test_contact_stays_though_each_polygon_has_a_stamp_of_its_own(settings):
     stage = with_robot(settings)
     seen = set()
     for k in range(1, 201):
-        stage.wait_until(0.03 * k)
+        stage.at(0.03 * k)
         if k % 4:
             stage.see(0.5 if settings is EACH_MESSAGE else (0.5, 10, 20)[k % 4 - 1])
         elif settings is not EACH_MESSAGE:
@@ -67,15 +67,13 @@ def test_source_of_which_nothing_can_be_read_is_not_silent():
     stage = with_robot(LIDAR)
     useless = ': a message was refused: undecodable'
     for time in (0.0, 1.0, 2.0):
-        stage.wait_until(time)
-        stage.send_garbage()
+        stage.at(time).send_garbage()
         assert stage.state().reasons == (LIDAR_SAYS + 'has sent nothing of use yet' + useless,)
     stage.send(10)
     stage.send(10)
     assert stage.status() == 'clear'
     for time in (3.0, 4.0, 4.001):
-        stage.wait_until(time)
-        stage.send_garbage()
+        stage.at(time).send_garbage()
     assert stage.state().reasons == (
         LIDAR_SAYS + 'has sent nothing of use for longer than its timeout of 2 s' + useless,)
 
@@ -86,8 +84,7 @@ def test_ids_are_places_of_their_own():
     stage.see(10, instance=7)
     stage.see(10, instance=-3)
     for time, x, status in ((0.1, 0.5, 'collision'), (0.2, 9, 'clear'), (0.3, 0.5, 'collision')):
-        stage.wait_until(time)
-        stage.see(x, instance=7)
+        stage.at(time).see(x, instance=7)
         assert stage.held == {7: x, -3: 10}
         assert stage.status() == status
 
@@ -111,8 +108,7 @@ def test_mark_is_not_refused_for_its_frame_nor_for_its_stamp():
 @EVERY_KIND
 def test_source_is_unknown_before_its_first_message(settings):
     stage = with_robot(settings)
-    stage.wait_until(10.0)
-    assert status_and_reasons(stage) == ('unknown', (NOTHING_SENT,))
+    assert status_and_reasons(stage.at(10.0)) == ('unknown', (NOTHING_SENT,))
 
 
 @EVERY_KIND
@@ -120,14 +116,11 @@ def test_silent_source_is_unknown_until_all_is_proved_anew(settings):
     stage = known_stage(settings)
     stage.see(10, instance=1)
     stage.end()
-    stage.wait_until(2.0)
-    assert stage.status() == 'clear'
-    stage.wait_until(2.001)
-    assert status_and_reasons(stage) == ('unknown', (
+    assert stage.at(2.0).status() == 'clear'
+    assert status_and_reasons(stage.at(2.001)) == ('unknown', (
         SILENT if settings is LIDAR else SILENT.partition(': ')[0],))
     for time, is_known in ((3.0, False), (4.5, False), (6.0, False), (6.001, True)):
-        stage.wait_until(time)
-        stage.see(10, instance=1)
+        stage.at(time).see(10, instance=1)
         stage.end()
         assert status_and_reasons(stage) == (
             ('clear', ()) if is_known or settings is LIDAR else ('unknown', (WITHOUT_A_GAP,)))
@@ -138,12 +131,10 @@ def test_obstacle_times_out_from_its_stamp(settings):
     """One stamped ahead of the clock times out from its arrival."""
     for arrival, stamp, end in ((1.0, 0.0, 2.0), (0.0, 1.0, 2.0)):
         stage = Stage(settings)
-        stage.wait_until(arrival)
-        stage.see(10, stamp, instance=1)
-        stage.wait_until(end)
+        stage.at(arrival).see(10, stamp, instance=1)
+        stage.at(end)
         assert len(stage.held) == 1
-        stage.wait_until(end + 0.001)
-        assert stage.held == {}
+        assert stage.at(end + 0.001).held == {}
 
 
 def test_obstacle_times_out_even_if_the_reasons_stay_the_same():
@@ -151,12 +142,10 @@ def test_obstacle_times_out_even_if_the_reasons_stay_the_same():
     stage = with_robot(LIDAR)
     stage.lose(4)
     stage.see(0.5, stamp=-0.1)
-    stage.wait_until(1.9)
-    assert stage.status() == 'collision'
+    assert stage.at(1.9).status() == 'collision'
     reasons = stage.state().reasons
     stage.see(10)
-    stage.wait_until(1.901)
-    assert status_and_reasons(stage) == ('unknown', reasons)
+    assert status_and_reasons(stage.at(1.901)) == ('unknown', reasons)
 
 
 def test_set_times_out_with_its_oldest_obstacle_though_it_is_older_than_the_set_before():
@@ -179,7 +168,7 @@ def test_set_times_out_with_its_oldest_obstacle_though_it_is_older_than_the_set_
 def test_messages_past_their_timeout_prove_nothing(settings):
     """The node was held up, or the clock of the publisher is behind: all are too old."""
     stage = with_robot(settings)
-    stage.wait_until(10.0)
+    stage.at(10.0)
     for stamp in (2.0, 4.0, 6.0, 7.9):
         assert stage.see(0.5, stamp, instance=1) == TOO_OLD
         stage.end(stamp)
@@ -211,8 +200,7 @@ def test_stamp_further_ahead_than_the_tolerance_is_refused(settings):
     assert stage.see(10, stamp=1.001, instance=1) == FROM_FUTURE
     assert stage.status() == 'unknown' and FROM_FUTURE in stage.state().reasons[0]
     for time in (1.5, 3.0, 3.1):
-        stage.wait_until(time)
-        stage.see(10, instance=1)
+        stage.at(time).see(10, instance=1)
         stage.end()
     assert status_and_reasons(stage) == ('clear', ())
 
@@ -223,7 +211,7 @@ def test_stamps_that_fall_by_more_than_the_timeout_begin_anew(settings):
     stage = known_stage(settings)
     stage.see(0.5, instance=1)
     stage.end()
-    stage.wait_until(1.0)
+    stage.at(1.0)
     assert stage.see(10, stamp=-1.999, instance=2) == TOO_OLD if settings is POLYGONS else True
     assert stage.see(10, stamp=-2.001, instance=2) == TOO_OLD
     assert stage.status() == 'collision' and stage.state().reasons
@@ -231,14 +219,11 @@ def test_stamps_that_fall_by_more_than_the_timeout_begin_anew(settings):
     assert stage.state().reasons == (
         LIDAR_SAYS + 'has not sent a whole set since its stamps fell by more than its timeout'
         if settings is LIDAR else WITHOUT_A_GAP,)
-    stage.wait_until(3.0)
-    assert stage.status() == 'collision'
-    stage.wait_until(3.001)
-    assert stage.status() == 'unknown'
+    assert stage.at(3.0).status() == 'collision'
+    assert stage.at(3.001).status() == 'unknown'
     stamps = -0.5, 1.0, 2.501, 2.502
     for time, stamp in zip((3.1, 4.6, 6.1, 6.101), stamps):
-        stage.wait_until(time)
-        stage.see(10, stamp=time, instance=2)
+        stage.at(time).see(10, stamp=time, instance=2)
         stage.end()
     assert status_and_reasons(stage) == ('clear', ())
 
@@ -249,17 +234,13 @@ def test_clock_that_went_back_by_much_begins_anew(settings):
     stage = known_stage(settings)
     stage.see(0.5, instance=1)
     stage.end()
-    stage.wait_until(-600.0)
-    stage.robot()
+    stage.at(-600.0).robot()
     assert stage.status() == 'collision'
-    stage.wait_until(-598.0)
-    assert stage.status() == 'collision'
-    stage.wait_until(-597.999)
-    assert status_and_reasons(stage) == ('unknown', (
+    assert stage.at(-598.0).status() == 'collision'
+    assert status_and_reasons(stage.at(-597.999)) == ('unknown', (
         NOTHING_SENT.replace('yet', 'since the clock was set'),))
     for time in (-597.0, -595.5, -594.0, -593.999):
-        stage.wait_until(time)
-        stage.see(10, instance=1)
+        stage.at(time).see(10, instance=1)
         stage.end()
     assert status_and_reasons(stage) == ('clear', ())
 
@@ -290,30 +271,25 @@ def test_obstacle_counts_as_long_as_the_last_whole_set_though_another_is_refused
     """It was older than the timeout when it came."""
     stage = with_robot(LIDAR)
     stage.send(10)
-    stage.wait_until(1.0)
-    assert stage.see(0.5, stamp=-1.5) == TOO_OLD
+    assert stage.at(1.0).see(0.5, stamp=-1.5) == TOO_OLD
     stage.refuse()
     for time, status in ((1.0, 'collision'), (2.0, 'collision'), (2.001, 'unknown')):
-        stage.wait_until(time)
-        assert stage.status() == status
+        assert stage.at(time).status() == status
 
 
 def test_refused_id_counts_until_it_is_replaced_or_forgotten():
     for is_mended in (True, False):
         stage = known_stage(INSTANCES)
         stage.refuse(instance=1)
-        stage.wait_until(0.5)
-        stage.see(10, instance=2)
+        stage.at(0.5).see(10, instance=2)
         assert status_and_reasons(stage) == (
             'unknown', (LIDAR_SAYS + 'sent what was refused: not finite',))
         if is_mended:
             stage.see(10, instance=1)
         else:
-            stage.wait_until(2.0)
-            stage.see(10, instance=2)
+            stage.at(2.0).see(10, instance=2)
             assert stage.status() == 'unknown'
-            stage.wait_until(2.001)
-            stage.see(10, instance=2)
+            stage.at(2.001).see(10, instance=2)
         assert status_and_reasons(stage) == ('clear', ())
 
 
@@ -336,11 +312,9 @@ def test_gap_makes_a_source_unknown_until_all_was_sent_again(settings, what, cau
     stage = known_stage(settings)
     getattr(stage, what)()
     for time in (0.0, 1.5, 3.0):
-        stage.wait_until(time)
-        stage.see(10, instance=1)
+        stage.at(time).see(10, instance=1)
         assert status_and_reasons(stage) == ('unknown', (f'{WITHOUT_A_GAP} since {cause}',))
-    stage.wait_until(3.001)
-    stage.see(10, instance=1)
+    stage.at(3.001).see(10, instance=1)
     assert status_and_reasons(stage) == ('clear', ())
 
 
@@ -378,13 +352,11 @@ def test_restarted_publisher_must_send_all_by_itself(settings):
     stage.publish_by('a')
     stage.restart()
     stage.see(0.5, instance=1)
-    stage.wait_until(1.0)
-    stage.publish_by('b')
+    stage.at(1.0).publish_by('b')
     stage.restart()
     for time, status in ((1.0, 'collision'), (2.0, 'collision'), (2.5, 'unknown'),
                          (4.0, 'unknown'), (4.001, 'clear')):
-        stage.wait_until(time)
-        stage.see(10, instance=1)
+        stage.at(time).see(10, instance=1)
         stage.end()
         assert stage.status() == ('clear' if settings is LIDAR and status == 'unknown' else status)
 
@@ -403,12 +375,10 @@ def test_listing_of_a_second_publisher_that_leaves_does_not_count(settings):
     stage.end()
     stage.publish_by('a')
     assert stage.status() == 'collision'
-    stage.wait_until(2.001)
-    stage.end()
+    stage.at(2.001).end()
     assert stage.status() == 'unknown'
     for time in (2.001, 4.0, 5.002):
-        stage.wait_until(time)
-        stage.see(10, instance=1)
+        stage.at(time).see(10, instance=1)
         stage.end()
     assert status_and_reasons(stage) == ('clear', ())
 
@@ -500,8 +470,7 @@ def test_source_starts_over_when_enabled(settings):
             replace(settings, enabled=enabled),)))
     assert stage.held == {}
     for time, status in ((0.1, 'unknown'), (2.0, 'unknown'), (3.101, 'clear')):
-        stage.wait_until(time)
-        stage.see(10, instance=1)
+        stage.at(time).see(10, instance=1)
         stage.end()
         assert stage.status() == ('clear' if settings is LIDAR and time == 2.0 else status)
 
@@ -520,7 +489,7 @@ def test_state_shows_what_is_known_and_how(settings, summary, rest):
     """And how obstacles would be released sooner."""
     stage = Stage(settings)
     for k in range(8):
-        stage.wait_until(k / 2)
+        stage.at(k / 2)
         for instance, x in enumerate((10, 20), 1):
             stage.see(x, instance=instance)
         if settings.set_end == 'empty_polygon':

@@ -61,8 +61,7 @@ def robot_that_sees_nothing():
     robot = Robot()
     for k in range(11):
         robot.move(k / 10)
-    robot.wait_until(1.0)
-    robot.stand(0)
+    robot.at(1.0).stand(0)
     robot.see((), 1.0)
     return robot
 

@@ -53,10 +53,12 @@ class World:
     def now(self):
         return nanoseconds(self.time)
 
-    def wait_until(self, time):
+    def at(self, time):
+        """Wait until a time; return the world, for what happens or is told then."""
         self.time = time
         self.rejections += self.monitor.advance(self.now)
         self.look_ahead()
+        return self
 
     def look_ahead(self):
         for name in self.scene.looking_ahead:
@@ -87,13 +89,11 @@ class World:
 
     def move(self, time, x, y=0.0, yaw=0.0, child='base', parent='odom'):
         """Receive a transform at its time."""
-        self.wait_until(time)
-        self.receive_transforms(TF, (parent, child, self.now, x, y, yaw))
+        self.at(time).receive_transforms(TF, (parent, child, self.now, x, y, yaw))
 
     def receive_odometry(self, time, x, y=0.0, yaw=0.0, child='base', parent='odom', **twist):
         """Receive odometry at its time."""
-        self.wait_until(time)
-        self.receive('robot', odometry(parent, child, self.now, x, y, yaw, **twist))
+        self.at(time).receive('robot', odometry(parent, child, self.now, x, y, yaw, **twist))
 
     def use(self, **changes):
         """Change settings of the first footprint."""

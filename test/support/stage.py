@@ -94,9 +94,11 @@ class Stage:
         """Set the current publishers, each of a node of its own."""
         self.scene.update_publishers(name, [Endpoint(gid, f'/{gid}') for gid in gids])
 
-    def wait_until(self, time):
+    def at(self, time):
+        """Wait until a time; return the stage, for what happens or is told then."""
         self.time = time
         self.scene.pass_time(self.now)
+        return self
 
     def robot(self, x=0.0, stamp=None, frame='map', name='robot'):
         return self.scene.footprint(name, square(x).packed, frame, self.stamp(stamp), self.now,
@@ -169,8 +171,7 @@ def known_stage(*sources, **settings):
 def pass_by(stage, *times):
     """Let the publisher of the lidar show that it is alive, now and at some times."""
     for time in (stage.time, *times):
-        stage.wait_until(time)
-        stage.end()
+        stage.at(time).end()
 
 
 def status_and_reasons(stage):

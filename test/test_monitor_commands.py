@@ -220,9 +220,9 @@ def test_command_of_before_it_was_disabled_does_not_count():
     world = Driven(AHEAD, timeout=2.0)
     world.move(0.0, 0.0)
     world.drive(0.0)
-    world.use(enabled=False)
+    world.use('robot', enabled=False)
     world.drive(1.0)
-    world.use(enabled=True)
+    world.use('robot', enabled=True)
     world.move(0.3, 0.3)
     assert world.prediction is None and world.velocity.endswith('no command on /cmd_vel yet')
 

@@ -12,7 +12,7 @@
 from dataclasses import replace
 
 from builders import box, serialised
-from driving import Robot, SETS, SETTINGS, switch
+from driving import Robot, SETS, SETTINGS
 from monitors import START
 import pytest
 from sat_collision.messages.transform_listener import TF, TF_STATIC
@@ -157,7 +157,7 @@ def test_older_map_does_not_stand_in_for_one_that_waited_when_it_was_dropped(is_
             robot.monitor.receive('lidar', data, robot.now, number)
     see(1, 2, 3, 4)
     for enabled in (False, True) if is_disabled else ():
-        switch(robot, 'obstacles', enabled)
+        robot.use('lidar', enabled=enabled)
     robot.monitor.renew('lidar')
     see(1, 2)
     assert robot.status() == 'unknown'

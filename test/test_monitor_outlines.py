@@ -207,9 +207,9 @@ def test_changed_outline_counts_at_once():
     world = OutlineWorld()
     world.move(0.1, 49.0, 0.5)
     assert world.status() == 'clear'
-    world.use(points='[[-0.5, -0.5], [1.5, 0.0], [-0.5, 0.5]]')
+    world.use('robot', points='[[-0.5, -0.5], [1.5, 0.0], [-0.5, 0.5]]')
     assert world.status() == 'collision' and world.state().age == 0.0
-    world.use(points='[[-0.5, -0.5], [0.5, 0.0], [-0.5, 0.5]]')
+    world.use('robot', points='[[-0.5, -0.5], [0.5, 0.0], [-0.5, 0.5]]')
     assert world.status() == 'clear'
 
 
@@ -217,7 +217,7 @@ def test_changed_outline_that_cannot_be_placed_is_unknown():
     world = OutlineWorld()
     world.move(0.1, 49.0, 0.5)
     world.monitor.transforms.frames.clear()
-    world.use(points='[[-0.5, -0.5], [1.5, 0.0], [-0.5, 0.5]]')
+    world.use('robot', points='[[-0.5, -0.5], [1.5, 0.0], [-0.5, 0.5]]')
     assert world.status() == 'unknown' and world.reasons == [frames.UNKNOWN_FRAME]
     world.move(0.2, 49.0, 0.5)
     assert world.status() == 'collision'
@@ -239,10 +239,10 @@ def test_radius_is_covered_by_a_polygon():
 def test_disabled_outline_is_not_placed():
     world = OutlineWorld()
     world.move(0.1, 1.0)
-    world.use(enabled=False)
+    world.use('robot', enabled=False)
     world.move(0.2, 2.0)
     assert world.status() == 'unknown' and world.monitor.received['robot'] == 1
-    world.use(enabled=True)
+    world.use('robot', enabled=True)
     assert world.status() == 'clear'
     assert world.bounds() == (1.5, -0.5, 2.5, 0.5)
 
@@ -510,5 +510,5 @@ def test_changed_outline_counts_where_its_frame_has_an_older_pose_only():
     world.move(0.3, 1.0)
     world.move(0.4, 1.0, 0.5, parent='map')
     assert world.status() == 'clear' and world.bounds()[0] == 48.5
-    world.use(points='[[-0.5, -0.5], [1.5, 0.0], [-0.5, 0.5]]')
+    world.use('robot', points='[[-0.5, -0.5], [1.5, 0.0], [-0.5, 0.5]]')
     assert world.status() == 'collision' and world.state().age == pytest.approx(0.3)

@@ -100,7 +100,7 @@ def test_margin_counts():
 def test_changed_outline_counts():
     world = at_start(box(5, 0.3))
     assert world.plan(STRAIGHT).metres == math.inf
-    world.use(points=(-0.5, -0.5, 0.5, -0.5, 0.5, 0.5, -0.5, 0.5))
+    world.use('robot', points=(-0.5, -0.5, 0.5, -0.5, 0.5, 0.5, -0.5, 0.5))
     world.move(0.1, 0.0)
     assert world.check().metres == pytest.approx(4.5, abs=1e-6)
 
@@ -143,7 +143,7 @@ def test_state_that_is_unknown_since_the_last_check_says_so():
     world = at_start(box(5, 3.0))
     assert (world.plan(STRAIGHT).metres, world.text) == (math.inf, 'none')
     assert world.at(7.0).text == f'unknown: {"; ".join(world.state().reasons)}'
-    world.use(enabled=False)
+    world.use('robot', enabled=False)
     assert world.text == 'unknown: footprint robot is disabled'
 
 

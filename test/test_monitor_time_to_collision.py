@@ -126,7 +126,7 @@ def test_velocity_is_not_that_across_a_time_without_tracking(change):
     def track(is_on):
         world.scene.tracks_motion = is_on and change == 'subscription'
         if change != 'subscription':
-            world.use(min_time_to_collision=2.0 * is_on)
+            world.use('robot', min_time_to_collision=2.0 * is_on)
     track(True)
     world.drive(0.0, 0.1, speed=0.0)
     track(False)
@@ -142,7 +142,7 @@ def test_only_monitored_sources_count():
     world = Predicted([FAR], [AHEAD], obstacles=('map',))
     world.drive(0.0, 0.1)
     assert world.seconds == math.inf
-    world.use(obstacles=())
+    world.use('robot', obstacles=())
     assert world.prediction[:2] == (pytest.approx(1.9, abs=1e-3), ObstacleId('dock', 1))
 
 
@@ -206,7 +206,7 @@ def test_imminent_ends_when_the_footprint_brakes_or_its_velocity_is_unknown():
     assert world.status() == 'clear' and world.prediction is None
     world.drive(2.0, 2.1, speed=0.9)
     assert world.status() == 'imminent'
-    world.use(min_time_to_collision=0.0)
+    world.use('robot', min_time_to_collision=0.0)
     assert world.status() == 'clear'
 
 
@@ -214,8 +214,8 @@ def test_unknown_becomes_clear_only_once_it_is_predicted():
     """No flag falls for the moment until then."""
     world = Predicted([AHEAD], min_time_to_collision=1.0)
     for bodies in ((1.5, 1.6), (9.0, 9.1)):
-        world.use(enabled=False)
-        world.use(enabled=True)
+        world.use('robot', enabled=False)
+        world.use('robot', enabled=True)
         world.look_ahead()
         world.scene.take_changes()
         for time in bodies:

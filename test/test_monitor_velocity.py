@@ -95,7 +95,7 @@ def test_changed_outline_is_no_motion():
     world = OutlineWorld(tracks_motion=True)
     for k in range(3):
         world.move(k / 10, k / 10)
-    world.use(points=tuple(v - 0.1 * (k % 2 == 0) for k, v in enumerate(ROBOT.points)))
+    world.use('robot', points=tuple(v - 0.1 * (k % 2 == 0) for k, v in enumerate(ROBOT.points)))
     assert world.scene.velocity('robot') == ''
     world.move(0.3, 0.3)
     assert world.scene.velocity('robot')[0] == pytest.approx((1.0, 0.0, 0.0), abs=1e-6)

@@ -12,7 +12,7 @@
 from dataclasses import replace
 
 from builders import box, serialised, transforms
-from driving import Robot, robot_that_sees_nothing, SETS, SETTINGS, switch
+from driving import Robot, robot_that_sees_nothing, SETS, SETTINGS
 from monitors import BOW_TIE, CIRCLE, nanoseconds
 import pytest
 from sat_collision.scene import frames
@@ -298,7 +298,7 @@ def test_messages_of_any_publisher_end_nothing_even_if_they_wait():
 
 def test_footprint_of_stamp_0_behind_one_that_waits_counts_from_its_arrival(robot):
     """Not from when it leaves the queue, 0.2 s later: it is too old one timeout after it came."""
-    robot.use(timeout=0.5)
+    robot.use('robot', timeout=0.5)
     robot.send('robot', box(0), 1.0, 'camera')
     robot.send('robot', box(0), 'none')
     for time, status in ((1.3, 'clear'), (1.51, 'unknown')):
@@ -339,22 +339,22 @@ def test_change_of_publishers_is_not_dropped_when_time_steps_back():
 
 def test_disabled_source_drops_waiting_messages(robot):
     robot.at(1.05).see(box(9), 1.05)
-    switch(robot, 'obstacles', False)
+    robot.use('lidar', enabled=False)
     robot.move(1.1)
     assert robot.seen == [] and not robot.rejections
 
 
-@pytest.mark.parametrize('name, kind', [('lidar', 'obstacles'), ('robot', 'footprints')])
-def test_what_waited_before_it_was_disabled_never_counts(name, kind):
+@pytest.mark.parametrize('name', ['lidar', 'robot'])
+def test_what_waited_before_it_was_disabled_never_counts(name):
     """Newer ones, which were ignored, may be in contact."""
     robot = Robot(replace(SETS, obstacles=(
         replace(SETS.obstacles[0], set_end='each_message', timeout=0.0),)))
     for other in {'lidar', 'robot'} - {name}:
         robot.send(other, box(0))
     robot.send(name, box(9), frame_id='base')
-    switch(robot, kind, False)
+    robot.use(name, enabled=False)
     robot.send(name, box(0.5), frame_id='base')
-    switch(robot, kind, True)
+    robot.use(name, enabled=True)
     robot.move(0.0)
     assert robot.status() == 'unknown'
     robot.send(name, box(9))

@@ -14,7 +14,7 @@ from dataclasses import replace
 import pytest
 from sat_collision.scene.obstacles import ObstacleId
 from stage import (
-    CART, clear_stage, LIDAR, NOT_RECEIVED, ROBOT, SILENT, Stage, status_and_reasons,
+    CART, clear_stage, known_stage, LIDAR, NOT_RECEIVED, ROBOT, SILENT, Stage, status_and_reasons,
     TOO_OLD, UNTIMED_LIDAR, UNTIMED_ROBOT, with_robot)
 
 
@@ -36,8 +36,7 @@ def test_stale_footprint_in_contact_is_unknown():
     stage = Stage(UNTIMED_LIDAR)
     stage.robot()
     stage.send(0.5)
-    stage.at(1.001)
-    state = stage.state()
+    state = stage.at(1.001).state()
     assert (state.status.value, state.contacts, state.reasons) == ('unknown', (), (TOO_OLD,))
     assert [name for name, _ in stage.scene.footprints] == ['robot']
 
@@ -122,10 +121,10 @@ def test_footprint_with_two_publishers_is_unknown():
     stage.numbers['robot'] -= 2
     stage.robot()
     assert 'whose numbers are those of two publishers' in stage.state().reasons[0]
-    for time in (1.0, 1.001):
-        assert stage.status() == 'unknown'
+    assert stage.status() == 'unknown'
+    for time, status in ((1.0, 'unknown'), (1.001, 'clear')):
         stage.at(time).robot()
-    assert stage.status() == 'clear'
+        assert stage.status() == status
 
 
 def test_footprint_is_unknown_after_a_refused_message_until_the_next_good_one():
@@ -143,65 +142,73 @@ def test_footprint_is_unknown_after_a_refused_message_until_the_next_good_one():
 
 def test_disabled_footprint_is_unknown_and_ignored():
     stage = clear_stage()
-    settings = stage.settings
-    stage.scene.update(replace(settings, footprints=(replace(ROBOT, enabled=False),)))
+    stage.use('robot', enabled=False)
     assert stage.robot() is None
     stage.refuse(name='robot')
     assert stage.state().reasons == ('footprint robot is disabled',)
-    stage.scene.update(settings)
+    stage.use('robot', enabled=True)
     assert stage.state().reasons == (NOT_RECEIVED,)
     stage.robot()
     assert stage.status() == 'clear'
 
 
+def test_footprints_that_came_while_disabled_were_not_lost():
+    stage = known_stage(LIDAR)
+    for enabled in (False, True):
+        stage.use('robot', enabled=enabled)
+        stage.robot()
+        stage.robot()
+    assert stage.scene.lost() == {}
+    stage.lose(name='robot')
+    stage.robot()
+    assert stage.scene.lost() == {'robot': 1}
+
+
+DELAYED = 'clear for less than release_delay, 0.5 s'
+
+
 def test_release_delay_starts_again_with_each_contact():
     """The flag stays up while a contact flickers."""
     stage = clear_stage(UNTIMED_LIDAR, footprints=[UNTIMED_ROBOT], release_delay=0.0)
-    stage.scene.update(replace(stage.settings, release_delay=0.5))
+    stage.use(release_delay=0.5)
     stage.see(0.5)
     assert stage.status() == 'collision'
     for time, x in ((0.1, 5), (0.5, 0.5), (0.6, 5)):
-        stage.at(time).see(x)
-        stage.end()
+        stage.at(time).send(x)
         assert stage.status() == 'collision'
     assert stage.state().contacts == ()
-    assert stage.state().reasons == ('clear for less than release_delay, 0.5 s',)
+    assert stage.state().reasons == (DELAYED,)
     stage.scene.take_changes()
-    stage.at(1.099)
-    assert (stage.status(), stage.scene.take_changes().changed) == ('collision', [])
-    stage.at(1.1)
-    assert (stage.status(), stage.scene.take_changes().changed) == ('clear', ['robot'])
-    assert stage.state().reasons == ()
+    assert stage.at(1.099).status() == 'collision' and not stage.scene.take_changes().changed
+    assert status_and_reasons(stage.at(1.1)) == ('clear', ())
+    assert stage.scene.take_changes().changed == ['robot']
 
 
 def test_brief_contact_restarts_the_release_delay():
     """Even if no state was read during the contact."""
     stage = with_robot(release_delay=0.5)
-    stage.send(5)
-    stage.at(0.3).send(0.5)
-    stage.at(0.4).send(6)
-    assert stage.at(0.8).status() == 'collision'
-    assert stage.at(0.9).status() == 'clear'
+    for time, x in ((0.0, 5), (0.3, 0.5), (0.4, 6)):
+        stage.at(time).send(x)
+    assert [stage.at(time).status() for time in (0.8, 0.9)] == ['collision', 'clear']
 
 
 def test_release_delay_applies_to_unknown():
     """The flag does not flicker when a sensor drops out again and again."""
     stage = with_robot(UNTIMED_LIDAR, release_delay=0.5)
     stage.send(5)
-    assert stage.status() == 'unknown'
-    assert stage.state().reasons == ('clear for less than release_delay, 0.5 s',)
+    assert status_and_reasons(stage) == ('unknown', (DELAYED,))
     assert stage.at(0.5).status() == 'clear'
 
 
 def test_timeout_and_release_delay_can_be_changed_live():
     stage = clear_stage(UNTIMED_LIDAR)
     assert stage.at(1.5).status() == 'unknown'
-    untimed = replace(stage.settings, footprints=(UNTIMED_ROBOT,), release_delay=5.0)
-    stage.scene.update(untimed)
-    assert stage.state().reasons == ('clear for less than release_delay, 5 s',)
-    stage.scene.update(replace(untimed, release_delay=0.0))
+    stage.use(release_delay=0.5)
+    stage.use('robot', timeout=0.0)
+    assert stage.state().reasons == (DELAYED,)
+    stage.use(release_delay=0.0)
     assert stage.status() == 'clear'
-    stage.scene.update(stage.settings)
+    stage.use('robot', timeout=1.0)
     assert stage.state().reasons == (TOO_OLD,)
 
 
@@ -242,30 +249,22 @@ def stage_of(*own):
     """Return a stage where the robot touches the dock and is far from the walls."""
     stage = Stage(*BOTH, footprints=[replace(UNTIMED_ROBOT, obstacles=own)])
     stage.robot()
-    for name, x in (('dock', 0.5), ('walls', 7.0)):
-        stage.see(x, name=name)
-        stage.end(name=name)
+    stage.send(0.5, name='dock')
+    stage.send(7.0, name='walls')
     return stage
-
-
-def monitor_sources(stage, *own):
-    """Change which sources the robot monitors while the scene runs."""
-    robot = replace(stage.settings.footprints[0], obstacles=own)
-    stage.settings = replace(stage.settings, footprints=(robot,))
-    stage.scene.update(stage.settings)
 
 
 def test_footprint_ignores_sources_that_it_does_not_monitor():
     """The dock is left out while docking and counts again afterwards."""
     stage = stage_of()
     assert stage.status() == 'collision'
-    monitor_sources(stage, 'walls')
+    stage.use('robot', obstacles=('walls',))
     assert stage.status() == 'clear'
     assert stage.scene.nearest('robot')[:2] == (ObstacleId('walls', 0), 6.0)
     stage.robot(0.1)
     stage.see(0.2, name='dock')
     assert stage.status() == 'clear'
-    monitor_sources(stage)
+    stage.use('robot', obstacles=())
     assert stage.state().contacts == (ObstacleId('dock', 0),)
     assert stage.scene.nearest('robot')[0] == ObstacleId('dock', 0)
 
@@ -273,15 +272,13 @@ def test_footprint_ignores_sources_that_it_does_not_monitor():
 def test_contacts_with_monitored_sources():
     """The obstacle moves to the robot, the robot to the obstacle, and the margin grows."""
     stage = stage_of('walls')
-    stage.send(0.9, name='walls')
-    assert stage.status() == 'collision'
-    stage.send(7.0, name='walls')
-    assert stage.status() == 'clear'
-    stage.robot(6.5)
-    assert stage.status() == 'collision'
-    stage.robot(5.8)
-    assert stage.status() == 'clear'
-    stage.scene.update(replace(stage.settings, margin=0.5))
+    for x, status in ((0.9, 'collision'), (7.0, 'clear')):
+        stage.send(x, name='walls')
+        assert stage.status() == status
+    for x, status in ((6.5, 'collision'), (5.8, 'clear')):
+        stage.robot(x)
+        assert stage.status() == status
+    stage.use(margin=0.5)
     assert stage.state().contacts == (ObstacleId('walls', 0),)
 
 
@@ -293,8 +290,7 @@ def test_faults_of_other_sources_are_ignored():
     for name in ('robot', 'cart', 'all'):
         stage.robot(name=name)
     for name in ('dock', 'walls', 'lidar'):
-        stage.see(9, name=name)
-        stage.end(name=name)
+        stage.send(9, name=name)
     assert stage.status('all') == 'clear'
     stage.at(2.001).refuse(name='dock')
     refused = ('obstacle source dock on /dock has not sent a whole set since a message was '
@@ -307,5 +303,5 @@ def test_faults_of_other_sources_are_ignored():
 def test_unknown_if_all_monitored_sources_are_disabled():
     """Though another source is enabled and known."""
     stage = stage_of('walls')
-    stage.scene.update(replace(stage.settings, obstacles=(DOCK, replace(WALLS, enabled=False))))
+    stage.use('walls', enabled=False)
     assert status_and_reasons(stage) == ('unknown', ('none of its obstacle sources is enabled',))

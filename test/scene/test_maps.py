@@ -9,6 +9,8 @@
 
 """Maps, which do not age: when one is whole, replaced, placed anew or requested again."""
 
+from dataclasses import replace
+
 import pytest
 from sat_collision.scene.obstacle_store import Followed
 from sat_collision.scene.streams import Endpoint
@@ -30,13 +32,18 @@ def test_map_sent_again_after_its_clock_went_back_is_whole(back):
     assert stage.held == {0: 20, 1: 30}
 
 
-def test_map_follows_its_frame():
-    """Its static transform is corrected; where it is not valid any more it is not known."""
+def followed_map():
+    """Return a stage with a part of a map at 10, whose frame can be followed."""
     stage = with_robot(UNTIMED_LIDAR)
     stage.scene.obstacle('lidar', Followed(square(10).packed, ('map2', 'points')), 'map',
                          stage.now, stage.now, None, stage.number('lidar'))
-    stage.see(20)
-    stage.end()
+    return stage
+
+
+def test_map_follows_its_frame():
+    """Its static transform is corrected; where it is not valid any more it is not known."""
+    stage = followed_map()
+    stage.send(20)
     assert stage.status() == 'clear' and stage.scene.map_frames('lidar') == {'map2'}
     stage.scene.follow_frame('lidar', 'map2', lambda sent: square(0.5).packed)
     assert stage.status() == 'collision' and stage.held == {0: 0.5, 1: 20}
@@ -51,9 +58,7 @@ def test_map_follows_its_frame():
 @pytest.mark.parametrize('pass_by_time', [True, False])
 def test_map_in_a_frame_that_is_not_known_is_not_known(pass_by_time):
     """Its transform is past the footprint's timeout, or of a clock that went back since."""
-    stage = with_robot(UNTIMED_LIDAR)
-    stage.scene.obstacle('lidar', Followed(square(10).packed, ('map2', 'points')), 'map',
-                         stage.now, stage.now, None, stage.number('lidar'))
+    stage = followed_map()
     stage.end()
     stage.scene.limit_frames('lidar', {'map2': ('', stage.stamp(5.0))})
     assert status_and_reasons(stage.at(5.0)) == ('clear', ())
@@ -62,14 +67,6 @@ def test_map_in_a_frame_that_is_not_known_is_not_known(pass_by_time):
         'unknown', (LIDAR_SAYS + 'is a map in a frame whose transform is too old',))
     stage.scene.limit_frames('lidar', {'map2': ('', stage.stamp(60.0))})
     assert status_and_reasons(stage) == ('clear', ())
-
-
-def test_stamps_of_a_map_may_fall():
-    stage = with_robot(UNTIMED_LIDAR)
-    for stamp in (0.0, -5000.0):
-        stage.send(10, stamp=stamp)
-        assert status_and_reasons(stage) == ('clear', ())
-    assert stage.held == {0: 10}
 
 
 def test_open_update_of_a_map_makes_it_unknown_though_the_clock_goes_back():
@@ -123,12 +120,29 @@ def test_map_of_a_killed_publisher_stays_until_its_lease_ends():
     """Until then it counts beside the whole map of the respawned node."""
     stage = with_robot(UNTIMED_LIDAR)
     killed, respawned = Endpoint('a', '/map'), Endpoint('b', '/map')
-    stage.scene.update_publishers('lidar', [killed])
-    stage.send(0.5)
-    stage.scene.update_publishers('lidar', [killed, respawned])
-    stage.restart()
-    stage.send(10)
-    assert status_and_reasons(stage) == ('collision', ())
+    for publishers, x in (([killed], 0.5), ([killed, respawned], 10)):
+        stage.scene.update_publishers('lidar', publishers)
+        stage.restart()
+        stage.send(x)
+        assert status_and_reasons(stage) == ('collision', ())
     stage.scene.update_publishers('lidar', [respawned])
     assert status_and_reasons(stage) == ('clear', ())
     assert list(stage.held.values()) == [10]
+
+
+@pytest.mark.parametrize('before, after', [
+    ({'timeout': 2.0}, {'timeout': 0.0}), ({'max_count': 1}, {'max_count': 10})])
+def test_map_that_now_has_room_is_requested_again(before, after):
+    """The publisher of a latched map sends it only once."""
+    stage = with_robot(replace(UNTIMED_LIDAR, **before))
+    for x in (10, 20):
+        stage.see(x, stamp=-100.0)
+    assert stage.status() == 'unknown' and not stage.scene.wants_history('lidar')
+    stage.use('lidar', **after)
+    assert stage.status() == 'unknown' and stage.scene.wants_history('lidar')
+    stage.scene.renew('lidar')
+    stage.restart()
+    stage.send(10, 20, stamp=-100.0)
+    assert status_and_reasons(stage) == ('clear', ())
+    stage.use('lidar', max_count=20)
+    assert not stage.scene.wants_history('lidar'), 'it is known'

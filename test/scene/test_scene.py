@@ -7,38 +7,34 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""What a scene of one or two footprints receives, and what it reports."""
+"""A scene of one or two footprints: what it receives, its frame and clock, what it reports."""
 
 from dataclasses import replace
 
-from builders import box, SECOND, serialised
 import pytest
-from sat_collision.monitor import Monitor
-from sat_collision.scene.footprints import Status
+from sat_collision.scene.footprints import Footprint, Status
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.scene import OVERTAKEN
-from sat_collision.scene.settings import FootprintSettings, Settings
 from sat_collision.scene.sources import TOO_OLD as OLD_OBSTACLE
 from stage import (
-    CART, clear_stage, LIDAR, NOT_RECEIVED, NOTHING_SENT, RADAR, ROBOT, Stage, status_and_reasons,
-    TOO_OLD, UNTIMED_LIDAR, UNTIMED_ROBOT)
+    CART, clear_stage, EVERY_KIND, LIDAR, NOT_RECEIVED, NOTHING_SENT, POLYGONS, RADAR, REFUSED,
+    ROBOT, Stage, status_and_reasons, TOO_OLD, UNTIMED_LIDAR, UNTIMED_ROBOT)
+
+
+def changed(stage):
+    """Return the names of the footprints that have changed since the last call."""
+    return stage.scene.take_changes().changed
 
 
 def test_everything_is_unknown_before_any_message():
-    stage = Stage()
-    state = stage.state()
-    assert stage.status() == 'unknown'
-    assert state.contacts == ()
-    assert state.reasons == (NOT_RECEIVED, NOTHING_SENT)
-    assert state.age is None
+    assert Stage().state() == (Status.UNKNOWN, (), (NOT_RECEIVED, NOTHING_SENT), None)
 
 
 def test_obstacle_moves_into_contact_and_away():
     stage = clear_stage()
     for time, x, status in ((0.1, 5, 'clear'), (0.2, 1, 'collision'), (0.3, 0.3, 'collision'),
                             (0.4, -1.01, 'clear')):
-        stage.at(time).see(x)
-        stage.end()
+        stage.at(time).send(x)
         assert stage.status() == status
 
 
@@ -70,11 +66,10 @@ def test_each_footprint_has_its_own_status():
 
 def test_disabled_scene_is_unknown_but_still_receives():
     stage = clear_stage()
-    stage.scene.update(replace(stage.settings, enabled=False))
+    stage.use(enabled=False)
     stage.see(0.5)
-    assert stage.status() == 'unknown'
-    assert stage.state().reasons == ('checking is disabled',)
-    stage.scene.update(stage.settings)
+    assert status_and_reasons(stage) == ('unknown', ('checking is disabled',))
+    stage.use(enabled=True)
     assert stage.status() == 'collision'
 
 
@@ -86,9 +81,9 @@ def test_unknown_until_the_clock_starts():
     assert stage.status() == 'unknown'
     assert stage.state().reasons[0].startswith('no clock yet')
     assert stage.state().reasons[0].endswith('publish /clock, or set use_sim_time to false')
-    assert stage.scene.take_changes().changed == ['robot']
+    assert changed(stage) == ['robot']
     stage.start = 1000.0
-    assert stage.at(0.0).scene.take_changes().changed == ['robot']
+    assert changed(stage.at(0.0)) == ['robot']
     assert stage.state().reasons[0] == TOO_OLD
     stage.robot()
     assert stage.status() == 'collision'
@@ -159,18 +154,263 @@ def test_nearest_obstacle():
     assert (obstacle, separation) == (ObstacleId('lidar', 1), 2.0)
 
 
-START = 1000 * SECOND
+# --- its frame
 
 
-def test_older_set_replaces_a_newer_one_and_expires_sooner():
-    """Its stamp is 1.8 s old on arrival, so it keeps the source known for 0.2 s."""
-    monitor = Monitor(Settings((FootprintSettings('robot', '/robot', timeout=0.0),), (LIDAR,)))
-    monitor.receive('robot', serialised(box(0), START), START, 1)
-    number = 0
-    for now, stamp in ((START, START), (START + SECOND, START - 8 * SECOND // 10)):
-        for points in (box(9), []):
-            number += 1
-            assert monitor.receive('lidar', serialised(points, stamp), now, number) is None
-    for tenths, status in ((12, Status.CLEAR), (13, Status.UNKNOWN)):
-        monitor.advance(START + tenths * SECOND // 10)
-        assert monitor.scene.status('robot') is status
+def test_frame_is_that_of_all_footprints_of_the_last_second():
+    """The first footprint came in a wrong frame; obstacles follow with their next set."""
+    stage = Stage(footprints=[ROBOT, CART])
+    stage.robot(frame='odom', name='cart')
+    stage.send(10)
+    assert stage.robot(frame='map') == 'other frame', 'they do not agree'
+    assert stage.at(0.5).robot(name='cart') is None
+    assert stage.scene.frame_id == 'map'
+    stage.robot()
+    assert stage.status('robot') == stage.status('cart') == 'unknown'
+    stage.send(10)
+    assert stage.status('robot') == stage.status('cart') == 'clear'
+
+
+def test_frame_ignores_footprints_older_than_a_second():
+    """A footprint still in the old frame is unknown from then on."""
+    stage = Stage(footprints=[ROBOT, replace(CART, timeout=0.0)])
+    stage.robot(frame='odom', name='cart')
+    assert stage.at(1.0).robot() == 'other frame'
+    assert stage.at(1.001).robot() is None
+    assert stage.state('cart').reasons[0] == (
+        "footprint cart on /cart/footprint is not in the frame 'map'")
+
+
+def test_first_footprint_sets_the_frame():
+    stage = Stage()
+    assert stage.scene.frame_id == ''
+    stage.robot(frame='odom')
+    assert stage.scene.frame_id == 'odom'
+    assert stage.see(0.5, frame='map') == 'other frame'
+    stage.end()
+    assert status_and_reasons(stage) == ('unknown', (REFUSED + 'other frame',))
+    stage.at(0.1).see(0.5, frame='odom')
+    assert stage.status() == 'collision'
+
+
+@EVERY_KIND
+def test_obstacles_received_before_the_frame_is_known(settings):
+    """Those in another frame are refused then."""
+    stage = Stage(settings)
+    stage.see(0.5, frame='odom', instance=1)
+    stage.see(9.5, frame='map', instance=2)
+    stage.end()
+    stage.robot(frame='odom')
+    assert (stage.status(), [*stage.held.values()]) == ('collision', [0.5])
+    assert stage.state().reasons[-1].endswith('a message was refused: other frame')
+    for time in (0.1, 2.0, 3.2):
+        stage.at(time).robot(frame='odom')
+        stage.see(0.5, frame='odom', instance=1)
+        stage.see(8.5, frame='odom', instance=2)
+        stage.end()
+        assert stage.status() == 'collision'
+        assert (stage.state().reasons == ()) == (settings is LIDAR or time > 3)
+
+
+def test_refusal_before_the_frame_is_known_keeps_its_reason():
+    stage = Stage()
+    stage.refuse('not finite')
+    stage.end()
+    stage.robot()
+    assert stage.state().reasons == (REFUSED + 'not finite',)
+
+
+def test_configured_frame_refuses_other_frames_from_the_start():
+    stage = Stage(frame_id='map')
+    assert stage.see(0.5, frame='odom') == stage.robot(frame='odom') == 'other frame'
+    stage.end()
+    assert stage.state().reasons == (
+        "footprint robot on /footprint is not in the frame 'map'", REFUSED + 'other frame')
+    stage.at(0.1).see(0.5)
+    stage.robot()
+    assert stage.status() == 'collision'
+
+
+def test_second_footprint_in_another_frame_is_unknown():
+    """The first one is not affected."""
+    stage = Stage(footprints=[ROBOT, CART])
+    stage.send(10)
+    stage.robot()
+    assert stage.robot(10, name='cart', frame='odom') == 'other frame'
+    assert (stage.status('robot'), stage.status('cart')) == ('clear', 'unknown')
+
+
+def test_footprint_that_changes_its_frame_is_unknown():
+    """If no frame is configured, the frame changes and the obstacles must follow."""
+    for settings in ({'frame_id': 'map'}, {}):
+        stage = clear_stage(**settings)
+        stage.robot(frame='odom')
+        assert stage.status() == 'unknown'
+        assert (stage.scene.footprints == []) == bool(settings)
+
+
+def test_step_back_in_time_resets_the_frame():
+    """The next recording may use another one."""
+    stage = clear_stage()
+    for time in (-1.0, -0.9):
+        stage.at(time)
+    stage.robot(frame='odom')
+    for stamp in (-1.0, None):
+        stage.see(10, stamp, frame='odom')
+        stage.end(stamp)
+    assert stage.status() == 'clear'
+
+
+def test_refused_or_disabled_footprint_does_not_set_the_frame():
+    stage = Stage(footprints=[replace(CART, enabled=False), ROBOT])
+    stage.refuse(name='robot')
+    stage.robot(name='cart', frame='odom')
+    assert stage.scene.frame_id == ''
+
+
+# --- what is reported as changed
+
+
+@pytest.fixture
+def evaluated(monkeypatch):
+    """Return the list of footprints that are evaluated from now on."""
+    names = []
+
+    def evaluate(self, *arguments, original=Footprint.evaluate):
+        names.append(self.settings.name)
+        return original(self, *arguments)
+    monkeypatch.setattr(Footprint, 'evaluate', evaluate)
+    return names
+
+
+@pytest.fixture
+def stage(evaluated):
+    """Return a stage with two footprints whose states have not been reported yet."""
+    stage = Stage(footprints=[ROBOT, CART])
+    stage.robot()
+    stage.robot(5, name='cart')
+    stage.see(20)
+    evaluated.clear()
+    return stage
+
+
+def test_only_footprints_that_changed_are_evaluated(stage, evaluated):
+    stage.see(0.5)
+    assert evaluated == ['robot']
+    stage.see(5.5)
+    assert evaluated == ['robot', 'cart']
+
+
+def test_common_fault_evaluates_every_footprint_once(stage, evaluated):
+    """A fault that is set again evaluates none."""
+    stage.scene.stop_clock('the clock stands still')
+    assert sorted(evaluated) == ['cart', 'robot']
+    assert all('clock stands still' in stage.scene.state(name).reasons[0] for name in evaluated)
+    stage.scene.stop_clock('the clock stands still')
+    stage.at(0.01)
+    assert len(evaluated) == 2
+
+
+def test_changes_are_returned_once_in_the_order_of_the_settings(stage):
+    """At first every footprint is listed."""
+    assert [changed(stage), changed(stage)] == [['robot', 'cart'], []]
+    for name in ('cart', 'robot'):
+        stage.refuse(name=name)
+    assert [changed(stage), changed(stage)] == [['robot', 'cart'], []]
+
+
+def test_deadline_is_when_the_first_footprint_becomes_stale(stage):
+    stage.at(0.5).robot()
+    assert stage.scene.deadline == stage.stamp(1)
+    assert [stage.at(1.1).status(name) for name in ('robot', 'cart')] == ['unknown'] * 2
+    assert stage.scene.deadline == stage.stamp(1.5)
+
+
+def test_changes_include_contacts_and_reasons(stage):
+    """Not only the status; footprints whose state stays the same are not listed."""
+    stage.scene.take_changes()
+    for x in (0.5, 0.4):
+        stage.see(x)
+        assert changed(stage) == ['robot']
+    stage.see(30)
+    stage.robot(0.1)
+    assert changed(stage) == []
+    for names in (['robot', 'cart'], []):
+        stage.refuse()
+        assert changed(stage) == names
+
+
+def test_next_set_with_the_same_contacts_is_no_change():
+    """Also while obstacles of both sets are held; one contact more or fewer is a change."""
+    stage = clear_stage()
+    stage.at(0.1).send(0.5, 0.6)
+    assert changed(stage) == ['robot']
+    stage.at(0.2).see(0.5)
+    assert changed(stage) == []
+    stage.see(0.7)
+    assert changed(stage) == []
+    stage.end()
+    assert changed(stage) == []
+    assert [contact.key for contact in stage.state().contacts] == [0, 1]
+    stage.at(0.3).send(0.5)
+    assert changed(stage) == ['robot']
+    stage.at(0.4).see(0.5)
+    stage.see(0.6)
+    assert changed(stage) == ['robot']
+    assert [contact.key for contact in stage.state().contacts] == [0, 1]
+
+
+def test_collision_between_two_reports_is_a_brief_contact():
+    """A collision that lasts, or was already reported, is not brief."""
+    stage = clear_stage()
+    stage.scene.take_changes()
+    stage.send(0.5)
+    stage.at(0.1).send(20)
+    assert stage.scene.take_changes() == ([], ['robot'])
+    assert stage.scene.take_changes() == ([], [])
+    stage.robot(20.5)
+    assert stage.scene.take_changes() == (['robot'], [])
+    stage.robot(0)
+    assert stage.scene.take_changes() == (['robot'], [])
+    stage.robot(20.5)
+    stage.at(0.2).see(40)
+    assert stage.scene.take_changes() == (['robot'], [])
+    stage.robot(0)
+    stage.robot(20.5)
+    assert stage.scene.take_changes() == ([], [])
+
+
+def test_brief_contact_before_the_first_report():
+    stage = Stage()
+    stage.see(10)
+    stage.robot(10.5)
+    stage.robot()
+    assert stage.scene.take_changes() == (['robot'], ['robot'])
+
+
+def test_time_alone_changes_nothing_before_a_deadline():
+    """The age of a footprint is not part of its reported state."""
+    stage = clear_stage()
+    stage.scene.take_changes()
+    for hundredth in range(100):
+        assert changed(stage.at(hundredth / 100)) == []
+    assert changed(stage.at(1.01)) == ['robot']
+
+
+def test_contacts_are_sorted_only_when_read(monkeypatch):
+    """The cost of a new contact does not depend on how many there are."""
+    lengths = []
+
+    def count(names):
+        lengths.append(len(names))
+        return sorted(names)
+    monkeypatch.setattr('sat_collision.scene.footprints.sorted', count, raising=False)
+    stage = Stage(POLYGONS)
+    stage.robot()
+    for k in range(200):
+        stage.see(0.001 * k, stamp='none')
+        assert changed(stage) == ['robot']
+    assert not lengths
+    assert len(stage.state().contacts) == 200
+    assert len(stage.state().contacts) == 200
+    assert lengths == [200]

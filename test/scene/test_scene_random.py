@@ -14,7 +14,6 @@ Hypothesis looks for a sequence of events after which the two differ, and shorte
 """
 
 from collections import Counter
-from dataclasses import replace
 import math
 from operator import attrgetter
 
@@ -36,7 +35,8 @@ from sat_collision.scene.sources import TOO_OLD
 
 pytest.importorskip('shapely')
 
-from scene_model import SceneModel, with_one  # noqa: E402
+from scene_model import SceneModel  # noqa: E402
+from stage import with_changes  # noqa: E402
 
 MILLISECOND = SECOND // 1000
 START = 1000 * SECOND
@@ -248,12 +248,12 @@ class SceneMachine(RuleBasedStateMachine):
 
     @rule(name=footprints | sources)
     def disable(self, name):
-        self._use(with_one(self.model.settings, name, enabled=False))
+        self._use(with_changes(self.model.settings, name, enabled=False))
 
     @rule()
     def all_are_known(self):
         for name in (*map(attrgetter('name'), FOOTPRINTS), *self.sources):
-            self._use(with_one(self.model.settings, name, enabled=True))
+            self._use(with_changes(self.model.settings, name, enabled=True))
         for name in self.sources:
             self.restart(name)
         for milliseconds in (1, 410, 410):
@@ -267,13 +267,13 @@ class SceneMachine(RuleBasedStateMachine):
 
     @rule(margin=margins)
     def use_margin(self, margin):
-        self._use(replace(self.model.settings, margin=margin))
+        self._use(with_changes(self.model.settings, margin=margin))
 
     @rule(name=footprints, own=st.runner().flatmap(
         lambda machine: st.lists(st.sampled_from(machine.sources), unique=True)))
     def monitor(self, name, own):
         """Change which sources a footprint monitors; none means all."""
-        self._use(with_one(self.model.settings, name, obstacles=tuple(own)))
+        self._use(with_changes(self.model.settings, name, obstacles=tuple(own)))
 
     @invariant()
     def agree(self):

@@ -12,18 +12,17 @@
 from dataclasses import replace
 
 from builders import box, SECOND, serialised
+from monitors import nanoseconds, World
 import pytest
-from sat_collision.monitor import Monitor
 from sat_collision.scene.contacts import Contacts
-from sat_collision.scene.footprints import Status
 from sat_collision.scene.obstacle_store import TOO_MANY
 from sat_collision.scene.scene import FROM_FUTURE
-from sat_collision.scene.settings import FootprintSettings, NEVER, Settings
+from sat_collision.scene.settings import NEVER, Settings
 from sat_collision.scene.sources import Source, TOO_OLD
 from stage import (
-    EVERY_KIND, INSTANCES, known_stage, LIDAR, LIDAR_SAYS, nanoseconds, NOTHING_SENT, pass_by,
-    POLYGONS, RADAR, REFRESHED, REFUSED, SILENT, square, Stage, START, status_and_reasons,
-    UNTIMED_LIDAR, with_robot)
+    CART, EVERY_KIND, INSTANCES, known_stage, LIDAR, LIDAR_SAYS, NOTHING_SENT, pass_by, POLYGONS,
+    RADAR, REFRESHED, REFUSED, SILENT, square, Stage, status_and_reasons, UNTIMED_LIDAR,
+    UNTIMED_ROBOT, with_robot)
 
 NEW_STAMP = replace(POLYGONS, set_end='new_stamp')
 EACH_MESSAGE = replace(POLYGONS, set_end='each_message')
@@ -49,33 +48,18 @@ def test_contact_stays_though_each_polygon_has_a_stamp_of_its_own(settings):
     assert ('collision', ()) in seen and {status for status, _ in seen} == {'collision'}
 
 
-def test_run_with_the_stamp_of_the_set_before_counts_from_it():
-    """The clock of the publisher stands; the mark of the last set is stamped later."""
-    monitor = Monitor(Settings((FootprintSettings('robot', '/robot', timeout=0.0),), (LIDAR,)))
-    begin = 1000 * SECOND
-    polygons = [serialised(box(x), begin) for x in (9, 12)]
-    monitor.receive('robot', serialised(box(0), begin), begin, 1)
-    for k, later in enumerate((0, 0, 0, SECOND)):
-        monitor.receive_batch('lidar', [*polygons, serialised([], begin + later)], begin + later,
-                              3 * k + 1)
-    for time, status in ((2.0, Status.CLEAR), (2.001, Status.UNKNOWN)):
-        monitor.advance(begin + nanoseconds(time))
-        assert monitor.scene.status('robot') is status
-
-
 def test_source_of_which_nothing_can_be_read_is_not_silent():
     stage = with_robot(LIDAR)
-    useless = ': a message was refused: undecodable'
+    useless = LIDAR_SAYS + 'has sent nothing of use {}: a message was refused: undecodable'
     for time in (0.0, 1.0, 2.0):
         stage.at(time).send_garbage()
-        assert stage.state().reasons == (LIDAR_SAYS + 'has sent nothing of use yet' + useless,)
+        assert stage.state().reasons == (useless.format('yet'),)
     stage.send(10)
     stage.send(10)
     assert stage.status() == 'clear'
     for time in (3.0, 4.0, 4.001):
         stage.at(time).send_garbage()
-    assert stage.state().reasons == (
-        LIDAR_SAYS + 'has sent nothing of use for longer than its timeout of 2 s' + useless,)
+    assert stage.state().reasons == (useless.format('for longer than its timeout of 2 s'),)
 
 
 def test_ids_are_places_of_their_own():
@@ -85,11 +69,7 @@ def test_ids_are_places_of_their_own():
     stage.see(10, instance=-3)
     for time, x, status in ((0.1, 0.5, 'collision'), (0.2, 9, 'clear'), (0.3, 0.5, 'collision')):
         stage.at(time).see(x, instance=7)
-        assert stage.held == {7: x, -3: 10}
-        assert stage.status() == status
-
-
-# --- marks
+        assert (stage.status(), stage.held) == (status, {7: x, -3: 10})
 
 
 def test_mark_is_not_refused_for_its_frame_nor_for_its_stamp():
@@ -105,23 +85,42 @@ def test_mark_is_not_refused_for_its_frame_nor_for_its_stamp():
 # --- age and silence
 
 
-@EVERY_KIND
-def test_source_is_unknown_before_its_first_message(settings):
-    stage = with_robot(settings)
-    assert status_and_reasons(stage.at(10.0)) == ('unknown', (NOTHING_SENT,))
+@pytest.mark.parametrize('batches, timeout, expires', [
+    # The mark of the last set is stamped later.
+    ([*3 * [(0.0, (9, 0.0), (12, 0.0), (None, 0.0))], (1.0, (9, 0.0), (12, 0.0), (None, 1.0))],
+     2.0, 2.0),
+    ([(0.0, (9, 0.0), (None, 0.0)), (1.0, (9, -0.8), (None, -0.8))], 2.0, 1.2),
+    # While it is received another footprint times out.
+    ([(0.0, (20, 0.0), (None, 0.0)), (0.25, (20, -19.0)), (0.75, (None, 0.75))], 20.0, 1.0)],
+    ids=['stamped as the set before', 'older than the set before', 'its oldest is very old'])
+def test_set_expires_with_its_oldest_obstacle(batches, timeout, expires):
+    """Received in batches of places (None: a mark) and stamps, which may be taken as runs."""
+    world = World(Settings((UNTIMED_ROBOT, replace(CART, timeout=0.5)),
+                           (replace(LIDAR, timeout=timeout),)), transforms=False)
+    for name, x in (('robot', 0), ('cart', 50)):
+        assert world.send(name, box(x)) is None
+    number = 1
+    for now, *sent in batches:
+        messages = [serialised([] if x is None else box(x), nanoseconds(stamp), 'odom')
+                    for x, stamp in sent]
+        assert not world.at(now).monitor.receive_batch('lidar', messages, world.now, number)
+        number += len(messages)
+    assert [world.at(time).status() for time in (expires, expires + 0.001)] == [
+        'clear', 'unknown']
 
 
 @EVERY_KIND
 def test_silent_source_is_unknown_until_all_is_proved_anew(settings):
+    """Also before its first message."""
+    stage = with_robot(settings)
+    assert status_and_reasons(stage.at(10.0)) == ('unknown', (NOTHING_SENT,))
     stage = known_stage(settings)
-    stage.see(10, instance=1)
-    stage.end()
+    stage.send(10)
     assert stage.at(2.0).status() == 'clear'
     assert status_and_reasons(stage.at(2.001)) == ('unknown', (
         SILENT if settings is LIDAR else SILENT.partition(': ')[0],))
     for time, is_known in ((3.0, False), (4.5, False), (6.0, False), (6.001, True)):
-        stage.at(time).see(10, instance=1)
-        stage.end()
+        stage.at(time).send(10)
         assert status_and_reasons(stage) == (
             ('clear', ()) if is_known or settings is LIDAR else ('unknown', (WITHOUT_A_GAP,)))
 
@@ -129,12 +128,10 @@ def test_silent_source_is_unknown_until_all_is_proved_anew(settings):
 @EVERY_KIND
 def test_obstacle_times_out_from_its_stamp(settings):
     """One stamped ahead of the clock times out from its arrival."""
-    for arrival, stamp, end in ((1.0, 0.0, 2.0), (0.0, 1.0, 2.0)):
+    for arrival, stamp in ((1.0, 0.0), (0.0, 1.0)):
         stage = Stage(settings)
         stage.at(arrival).see(10, stamp, instance=1)
-        stage.at(end)
-        assert len(stage.held) == 1
-        assert stage.at(end + 0.001).held == {}
+        assert [len(stage.at(time).held) for time in (2.0, 2.001)] == [1, 0]
 
 
 def test_obstacle_times_out_even_if_the_reasons_stay_the_same():
@@ -146,22 +143,6 @@ def test_obstacle_times_out_even_if_the_reasons_stay_the_same():
     reasons = stage.state().reasons
     stage.see(10)
     assert status_and_reasons(stage.at(1.901)) == ('unknown', reasons)
-
-
-def test_set_times_out_with_its_oldest_obstacle_though_it_is_older_than_the_set_before():
-    """Another footprint times out while the set is received."""
-    cart = FootprintSettings('cart', '/cart', timeout=0.5)
-    robot = FootprintSettings('robot', '/robot', timeout=0.0)
-    monitor = Monitor(Settings((robot, cart), (replace(LIDAR, timeout=20.0),)))
-    for name, number, points, stamp, now in (
-            ('robot', 1, box(0), 0, 0), ('cart', 1, box(50), 0, 0), ('lidar', 1, box(20), 0, 0),
-            ('lidar', 2, [], 0, 0), ('lidar', 3, box(20), -19, 0.25),
-            ('lidar', 4, [], 0.75, 0.75)):
-        assert monitor.receive(name, serialised(points, nanoseconds(stamp)), nanoseconds(now),
-                               number) is None
-    for now, status in ((1.0, Status.CLEAR), (1.001, Status.UNKNOWN)):
-        monitor.advance(nanoseconds(now))
-        assert monitor.scene.status('robot') is status
 
 
 @EVERY_KIND
@@ -188,8 +169,7 @@ def test_stamps_of_another_clock_are_reported_as_such(settings):
     assert stage.see(5, stamp=-3600.1, instance=1) == TOO_OLD
     reason, = stage.state().reasons
     assert 'lidar on /polygons has stamps' in reason and 'use_sim_time: true' in reason
-    stage.see(5, instance=1)
-    stage.end()
+    stage.send(5)
     assert 'has stamps' not in ''.join(stage.state().reasons)
 
 
@@ -200,8 +180,7 @@ def test_stamp_further_ahead_than_the_tolerance_is_refused(settings):
     assert stage.see(10, stamp=1.001, instance=1) == FROM_FUTURE
     assert stage.status() == 'unknown' and FROM_FUTURE in stage.state().reasons[0]
     for time in (1.5, 3.0, 3.1):
-        stage.at(time).see(10, instance=1)
-        stage.end()
+        stage.at(time).send(10)
     assert status_and_reasons(stage) == ('clear', ())
 
 
@@ -209,8 +188,7 @@ def test_stamp_further_ahead_than_the_tolerance_is_refused(settings):
 def test_stamps_that_fall_by_more_than_the_timeout_begin_anew(settings):
     """The clock of the publisher was set back; what was told counts for one more timeout."""
     stage = known_stage(settings)
-    stage.see(0.5, instance=1)
-    stage.end()
+    stage.send(0.5)
     stage.at(1.0)
     assert stage.see(10, stamp=-1.999, instance=2) == TOO_OLD if settings is POLYGONS else True
     assert stage.see(10, stamp=-2.001, instance=2) == TOO_OLD
@@ -219,12 +197,9 @@ def test_stamps_that_fall_by_more_than_the_timeout_begin_anew(settings):
     assert stage.state().reasons == (
         LIDAR_SAYS + 'has not sent a whole set since its stamps fell by more than its timeout'
         if settings is LIDAR else WITHOUT_A_GAP,)
-    assert stage.at(3.0).status() == 'collision'
-    assert stage.at(3.001).status() == 'unknown'
-    stamps = -0.5, 1.0, 2.501, 2.502
-    for time, stamp in zip((3.1, 4.6, 6.1, 6.101), stamps):
-        stage.at(time).see(10, stamp=time, instance=2)
-        stage.end()
+    assert [stage.at(time).status() for time in (3.0, 3.001)] == ['collision', 'unknown']
+    for time in (3.1, 4.6, 6.1, 6.101):
+        stage.at(time).send(10)
     assert status_and_reasons(stage) == ('clear', ())
 
 
@@ -232,16 +207,13 @@ def test_stamps_that_fall_by_more_than_the_timeout_begin_anew(settings):
 def test_clock_that_went_back_by_much_begins_anew(settings):
     """A publisher that hangs over it is unknown, not clear."""
     stage = known_stage(settings)
-    stage.see(0.5, instance=1)
-    stage.end()
+    stage.send(0.5)
     stage.at(-600.0).robot()
-    assert stage.status() == 'collision'
-    assert stage.at(-598.0).status() == 'collision'
+    assert [stage.at(time).status() for time in (-600.0, -598.0)] == 2 * ['collision']
     assert status_and_reasons(stage.at(-597.999)) == ('unknown', (
         NOTHING_SENT.replace('yet', 'since the clock was set'),))
     for time in (-597.0, -595.5, -594.0, -593.999):
-        stage.at(time).see(10, instance=1)
-        stage.end()
+        stage.at(time).send(10)
     assert status_and_reasons(stage) == ('clear', ())
 
 
@@ -273,24 +245,8 @@ def test_obstacle_counts_as_long_as_the_last_whole_set_though_another_is_refused
     stage.send(10)
     assert stage.at(1.0).see(0.5, stamp=-1.5) == TOO_OLD
     stage.refuse()
-    for time, status in ((1.0, 'collision'), (2.0, 'collision'), (2.001, 'unknown')):
-        assert stage.at(time).status() == status
-
-
-def test_refused_id_counts_until_it_is_replaced_or_forgotten():
-    for is_mended in (True, False):
-        stage = known_stage(INSTANCES)
-        stage.refuse(instance=1)
-        stage.at(0.5).see(10, instance=2)
-        assert status_and_reasons(stage) == (
-            'unknown', (LIDAR_SAYS + 'sent what was refused: not finite',))
-        if is_mended:
-            stage.see(10, instance=1)
-        else:
-            stage.at(2.0).see(10, instance=2)
-            assert stage.status() == 'unknown'
-            stage.at(2.001).see(10, instance=2)
-        assert status_and_reasons(stage) == ('clear', ())
+    assert [stage.at(time).status() for time in (1.0, 2.0, 2.001)] == [
+        'collision', 'collision', 'unknown']
 
 
 def test_few_of_very_many_reasons_are_named():
@@ -322,7 +278,7 @@ def test_gap_makes_a_source_unknown_until_all_was_sent_again(settings, what, cau
 def test_memory_is_bounded_by_max_count(settings):
     """One publisher sends thousands of valid and invalid obstacles at once."""
     source = Source(replace(settings, max_count=5), Contacts(), SECOND)
-    now = nanoseconds(START)
+    now = nanoseconds(0.0)
     for number in range(1000):
         source.receive(square(number).packed, 'map', now, now, number, 2 * number + 1)
         source.receive(None, 'map', now, now, -1 - number, 2 * number + 2, 'not finite')
@@ -356,8 +312,7 @@ def test_restarted_publisher_must_send_all_by_itself(settings):
     stage.restart()
     for time, status in ((1.0, 'collision'), (2.0, 'collision'), (2.5, 'unknown'),
                          (4.0, 'unknown'), (4.001, 'clear')):
-        stage.at(time).see(10, instance=1)
-        stage.end()
+        stage.at(time).send(10)
         assert stage.status() == ('clear' if settings is LIDAR and status == 'unknown' else status)
 
 
@@ -378,8 +333,7 @@ def test_listing_of_a_second_publisher_that_leaves_does_not_count(settings):
     stage.at(2.001).end()
     assert stage.status() == 'unknown'
     for time in (2.001, 4.0, 5.002):
-        stage.at(time).see(10, instance=1)
-        stage.end()
+        stage.at(time).send(10)
     assert status_and_reasons(stage) == ('clear', ())
 
 
@@ -439,9 +393,7 @@ def test_disabled_source_is_ignored():
     stage.send(0.5)
     stage.send(50, name='radar')
     assert stage.status() == 'collision'
-    settings = stage.settings
-    lidar, radar = settings.obstacles
-    stage.scene.update(replace(settings, obstacles=(replace(lidar, enabled=False), radar)))
+    stage.use('lidar', enabled=False)
     assert status_and_reasons(stage) == ('clear', ())
     assert stage.see(0.5) is None
     stage.refuse()
@@ -449,7 +401,7 @@ def test_disabled_source_is_ignored():
     assert status_and_reasons(stage) == ('clear', ())
     assert [name.source for name, _ in stage.scene.obstacles] == ['radar']
     assert stage.scene.sources['lidar'].summary == 'disabled'
-    stage.scene.update(settings)
+    stage.use('lidar', enabled=True)
     assert status_and_reasons(stage) == ('unknown', (NOTHING_SENT,))
     stage.see(0.5)
     assert stage.status() == 'collision'
@@ -466,12 +418,10 @@ def test_source_starts_over_when_enabled(settings):
     stage = known_stage(settings)
     stage.see(0.5, instance=1)
     for enabled in (False, True):
-        stage.scene.update(replace(stage.settings, obstacles=(
-            replace(settings, enabled=enabled),)))
+        stage.use('lidar', enabled=enabled)
     assert stage.held == {}
     for time, status in ((0.1, 'unknown'), (2.0, 'unknown'), (3.101, 'clear')):
-        stage.at(time).see(10, instance=1)
-        stage.end()
+        stage.at(time).send(10)
         assert stage.status() == ('clear' if settings is LIDAR and time == 2.0 else status)
 
 
@@ -495,6 +445,65 @@ def test_state_shows_what_is_known_and_how(settings, summary, rest):
         if settings.set_end == 'empty_polygon':
             stage.end()
     source, = stage.scene.sources.values()
-    shown, advice = source.summary, source.advice
-    assert shown == summary
-    assert advice.endswith(rest) and bool(advice) == bool(rest)
+    assert source.summary == summary
+    assert source.advice.endswith(rest) and bool(source.advice) == bool(rest)
+
+
+@REFRESHED
+def test_a_longer_timeout_is_unknown_until_it_has_passed(settings):
+    """An obstacle that is sent every 5 s was forgotten after the 2 s of before."""
+    stage = known_stage(settings)
+    stage.see(0.5, instance=2)
+    for time in (1.5, 3.0):
+        stage.at(time).see(10, instance=1)
+    assert status_and_reasons(stage) == ('clear', ())
+    stage.use('lidar', timeout=6.0)
+    assert status_and_reasons(stage) == ('unknown', (
+        LIDAR_SAYS + 'has not been received for its timeout of 6 s and future_tolerance, 1 s, '
+        'without a gap since its parameters were changed',))
+    stage.at(5.0).see(0.5, instance=2)
+    assert stage.status() == 'collision'
+    pass_by(stage, 10.0, 11.5)
+    assert status_and_reasons(stage) == ('clear', ())
+
+
+@REFRESHED
+def test_a_shorter_timeout_forgets_sooner_and_all_stays_known(settings):
+    stage = known_stage(settings)
+    stage.use('lidar', timeout=0.1)
+    stage.at(0.1).see(0.5, instance=1)
+    stage.at(0.2).see(10, instance=2)
+    assert status_and_reasons(stage) == ('collision', ())
+    pass_by(stage, 0.204)
+    assert status_and_reasons(stage) == ('clear', ())
+
+
+def test_timeout_of_sets_can_be_changed_live():
+    """A shorter one forgets at once; a longer one restores neither obstacles nor knowledge."""
+    stage = with_robot(LIDAR)
+    stage.send(0.5)
+    stage.at(1.5)
+    stage.use('lidar', timeout=10.0)
+    stage.send(0.5)
+    assert status_and_reasons(stage.at(9.0)) == ('collision', (
+        LIDAR_SAYS + 'has not sent a whole set since its parameters were changed',))
+    stage.use('lidar', timeout=5.0)
+    assert status_and_reasons(stage) == ('unknown', (SILENT.replace('of 2 s', 'of 5 s'),))
+    stage.use('lidar', timeout=0.0)
+    assert stage.status() == 'unknown' and stage.held == {}
+    stage.send()
+    stage.send()
+    assert status_and_reasons(stage) == ('clear', ())
+    stage.use('lidar', timeout=2.0)
+    assert status_and_reasons(stage) == ('clear', ())
+
+
+def test_set_of_which_some_was_too_old_is_not_whole_for_a_longer_timeout():
+    stage = known_stage(LIDAR)
+    stage.time = 2.5
+    stage.see(0.5, stamp=0.1)
+    stage.use('lidar', timeout=4.0)
+    stage.end(stamp=0.1)
+    assert stage.status() == 'unknown'
+    stage.send(10)
+    assert status_and_reasons(stage) == ('clear', ())

@@ -64,10 +64,3 @@ def robot_that_sees_nothing():
     robot.at(1.0).stand(0)
     robot.see((), 1.0)
     return robot
-
-
-def switch(robot, kind, enabled):
-    """Enable or disable the footprint or the source of a robot."""
-    one, = getattr(robot.settings, kind)
-    robot.settings = replace(robot.settings, **{kind: (replace(one, enabled=enabled),)})
-    robot.rejections += robot.monitor.update(robot.settings)

@@ -10,7 +10,6 @@
 """Monitors that have received footprints and obstacles, at times in seconds."""
 
 from collections import Counter
-from dataclasses import replace
 import math
 
 from builders import box, odometry, SECOND, serialised, transforms
@@ -18,6 +17,7 @@ from sat_collision.messages.states import States
 from sat_collision.messages.transform_listener import TF
 from sat_collision.monitor import Monitor
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
+from stage import with_changes
 
 START = 1000 * SECOND
 NOW = START
@@ -95,10 +95,9 @@ class World:
         """Receive odometry at its time."""
         self.at(time).receive('robot', odometry(parent, child, self.now, x, y, yaw, **twist))
 
-    def use(self, **changes):
-        """Change settings of the first footprint."""
-        footprint = replace(self.settings.footprints[0], **changes)
-        self.settings = replace(self.settings, footprints=(footprint,))
+    def use(self, name='', **changes):
+        """Change settings of a footprint or source, or without a name those of all."""
+        self.settings = with_changes(self.settings, name, **changes)
         self.rejections += self.monitor.update(self.settings)
 
     def state(self, name='robot'):

@@ -14,7 +14,6 @@ Each query checks all bodies with shapely. A body is a ring: a tuple of its corn
 ns.
 """
 
-from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -188,13 +187,6 @@ class SceneModel:
                     else 'no obstacle source is enabled']
         return [f'obstacle source {source.settings.name} on {source.settings.topic} '
                 for source in enabled if not source.is_known(now)]
-
-
-def with_one(settings, name, **changes):
-    """Return the Settings with one footprint or source changed."""
-    return replace(settings, **{
-        kind: tuple(replace(each, **changes) if each.name == name else each
-                    for each in getattr(settings, kind)) for kind in ('footprints', 'obstacles')})
 
 
 @lru_cache(maxsize=None)

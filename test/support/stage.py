@@ -15,7 +15,8 @@ from dataclasses import replace
 import pytest
 from sat_collision.geometry.body.polygon import Polygon
 from sat_collision.scene.scene import Scene
-from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
+from sat_collision.scene.settings import (
+    FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
 from sat_collision.scene.streams import Endpoint
 
 START = 1000.0
@@ -26,7 +27,7 @@ POLYGONS = ObstacleSettings('lidar', '/polygons')
 LIDAR = replace(POLYGONS, set_end='empty_polygon')
 UNTIMED_LIDAR = replace(LIDAR, timeout=0.0)
 RADAR = replace(LIDAR, name='radar', topic='/radar')
-INSTANCES = replace(POLYGONS, type='polygon_instance')
+INSTANCES = replace(POLYGONS, type=POLYGON_INSTANCE)
 EVERY_KIND = pytest.mark.parametrize('settings', [LIDAR, INSTANCES, POLYGONS],
                                      ids=['sets', 'instances', 'polygons'])
 REFRESHED = pytest.mark.parametrize('settings', [INSTANCES, POLYGONS],
@@ -47,6 +48,13 @@ def nanoseconds(seconds):
 def square(x):
     """Return the unit square whose left lower corner is at (x, 0)."""
     return Polygon([(x, 0), (x + 1, 0), (x + 1, 1), (x, 1)])
+
+
+def with_changes(settings, name='', **changes):
+    """Return Settings of which some are changed: of one footprint or source, or of the scene."""
+    return replace(settings, **(changes if not name else {
+        kind: tuple(replace(one, **changes) if one.name == name else one
+                    for one in getattr(settings, kind)) for kind in ('footprints', 'obstacles')}))
 
 
 class Stage:
@@ -114,10 +122,16 @@ class Stage:
                                    number=self.number(name))
 
     def send(self, *places, stamp=None, name='lidar'):
-        """Send a whole set."""
-        for x in places:
-            self.see(x, stamp, name=name)
+        """Send a whole set; of a source that gives ids, those from 1 on."""
+        has_ids = self.scene.sources[name].settings.type == POLYGON_INSTANCE
+        for k, x in enumerate(places, 1):
+            self.see(x, stamp, name=name, instance=k if has_ids else None)
         self.end(stamp, name)
+
+    def use(self, name='', **changes):
+        """Change settings of a footprint or source, or without a name those of the scene."""
+        self.settings = with_changes(self.settings, name, **changes)
+        self.scene.update(self.settings)
 
     def refuse(self, reason='not finite', stamp=None, name='lidar', instance=None):
         """Send a message that is refused."""

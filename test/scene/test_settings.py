@@ -18,6 +18,7 @@ from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Se
 from stage import LIDAR, ROBOT
 
 KINDS = (Settings, FootprintSettings, ObstacleSettings)
+TWO = {'obstacles': ['walls', 'dock'], 'footprints': ['a', 'b']}
 EVERY_SETTING = [(kind, name) for kind in KINDS for name in specs(kind)]
 
 
@@ -64,16 +65,21 @@ def declared(**given):
     return values, *declare_parameters(declare)
 
 
-def settings_of(resolve=str, **given):
+def settings_of(resolve='/ns/{}'.format, **given):
     """Return the Settings for parameters; two underscores stand for the dot."""
     values, footprints, obstacles = declared(**given)
     return read_settings(footprints, obstacles, values.__getitem__, resolve)
 
 
+def outlined(**given):
+    """Return the Settings of a monitor whose footprint has an outline, as these parameters say."""
+    return settings_of(**{'frame_id': 'odom', 'footprint__frame_id': 'base_link', **given})
+
+
 def test_defaults():
     """One footprint and one source of obstacles."""
-    assert settings_of() == Settings((FootprintSettings('footprint', 'footprint'),),
-                                     (ObstacleSettings('obstacle', 'obstacles'),))
+    assert settings_of(str) == Settings((FootprintSettings('footprint', 'footprint'),),
+                                        (ObstacleSettings('obstacle', 'obstacles'),))
 
 
 def test_every_footprint_and_source_has_its_own_parameters():
@@ -86,27 +92,50 @@ def test_every_footprint_and_source_has_its_own_parameters():
 
 
 def test_given_parameters_are_set():
-    settings = settings_of(obstacles=['map', 'people'], people__max_count=7, margin=0.5)
+    settings = settings_of(str, obstacles=['map', 'people'], people__max_count=7, margin=0.5)
     assert settings.obstacles == (ObstacleSettings('map', 'map'),
                                   ObstacleSettings('people', 'people', max_count=7))
     assert settings.margin == 0.5
+    assert settings_of(obstacle__moving=True,
+                       obstacle__type='polygon_instance').obstacles[0].moving
 
 
-def test_topics_are_resolved():
-    """If that fails, the error names the parameter."""
-    assert settings_of('/robot/{}'.format).footprints[0].topic == '/robot/footprint'
+def test_monitored_sources_are_given_by_name():
+    """Empty names are ignored."""
+    a, b = settings_of(**TWO, a__obstacles=['walls'], b__obstacles=['']).footprints
+    assert (a.obstacles, b.obstacles) == (('walls',), ())
 
+
+SQUARE = ((0.5, 0.25), (-0.5, 0.25), (-0.5, -0.25), (0.5, -0.25))
+FLAT = [coordinate for point in SQUARE for coordinate in point]
+
+
+@pytest.mark.parametrize('points, wanted', [
+    (FLAT, SQUARE), (tuple(FLAT), SQUARE),
+    ('[[0.5, 0.25], [-0.5, 0.25], [-0.5, -0.25], [0.5, -0.25]]', SQUARE),
+    (' [ [.5,25e-2],[-0.5,0.25],[-.5,-0.25], [0.5 , -0.25] ] ', SQUARE),
+    # As in a parameter file without decimal points.
+    ([1, 0, 0, 1, -1, 0], ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0))),
+    # A point, and a segment.
+    ([1.0, 0.0], ((1.0, 0.0),)), ('[[1, 0], [2, 0]]', ((1.0, 0.0), (2.0, 0.0)))])
+def test_points_are_numbers_or_a_string_as_in_nav2(points, wanted):
+    settings = outlined(footprint__points=points)
+    assert outline_of(settings.footprints[0], settings.max_vertices) == wanted
+
+
+@pytest.mark.parametrize('given, topic', [
+    ({'footprint__points': FLAT}, '/ns//tf'),
+    ({'footprint__points': FLAT, 'footprint__odometry': 'odom'}, '/ns/odom'),
+    ({'footprint__frame_id': ''}, '/ns/footprint')])
+def test_topic_is_resolved_and_of_an_outline_that_of_its_transforms(given, topic):
+    assert outlined(**given).footprints[0].topic == topic
+
+
+def test_topic_that_cannot_be_resolved_is_named():
     def refuse(topic):
         raise ValueError(f'{topic!r} is\nno topic')
     with pytest.raises(ParameterError, match="^footprint.topic: 'a b' is no topic$"):
         settings_of(refuse, footprint__topic='a b')
-
-
-def test_moving_needs_ids():
-    assert settings_of(obstacle__moving=True,
-                       obstacle__type='polygon_instance').obstacles[0].moving
-    with pytest.raises(ParameterError, match='^obstacle.moving: only ids .* polygon_instance$'):
-        settings_of(obstacle__moving=True)
 
 
 @pytest.mark.parametrize('given, words', [
@@ -115,68 +144,19 @@ def test_moving_needs_ids():
     ({'footprints': ['']}, "'' cannot be a name"),
     ({'obstacles': ['margin']}, "'margin' cannot be a name, because a parameter"),
     ({'footprints': ['use_sim_time']}, "'use_sim_time' cannot be a name, because a parameter"),
-    ({'footprints': ['a'], 'obstacles': ['b', 'a']}, "'a' is used twice")])
-def test_invalid_names_are_refused(given, words):
-    """The message says which one, why, and what to do."""
-    with pytest.raises(ParameterError, match=words):
-        declared(**given)
-
-
-def test_monitored_sources_are_given_by_name():
-    """Empty names are ignored; for an unknown name the nearest one is suggested."""
-    given = {'obstacles': ['walls', 'dock'], 'footprints': ['a', 'b']}
-    a, b = settings_of(**given, a__obstacles=['walls'], b__obstacles=['']).footprints
-    assert (a.obstacles, b.obstacles) == (('walls',), ())
-    with pytest.raises(ParameterError, match=(
-            r"^a.obstacles: there is no obstacle source 'wals'; did you mean 'walls'\?$")):
-        settings_of(**given, a__obstacles=['dock', 'wals'])
-    with pytest.raises(ParameterError, match="^b.obstacles: there is no obstacle source 'x'$"):
-        settings_of(**given, b__obstacles=['x'])
-
-
-SQUARE = ((0.5, 0.25), (-0.5, 0.25), (-0.5, -0.25), (0.5, -0.25))
-FLAT = [coordinate for point in SQUARE for coordinate in point]
-
-
-def settings_with(**given):
-    """Return the settings of a monitor whose footprint has these parameters."""
-    given = {'frame_id': 'odom', **{
-        f'footprint.{name}' if name != 'fixed' else 'frame_id': value
-        for name, value in {'frame_id': 'base_link', **given}.items()}}
-    values = {}
-
-    def declare(name, default, spec):
-        values[name] = given.get(name, default)
-        return values[name]
-    return read_settings(*declare_parameters(declare), values.__getitem__, '/ns/{}'.format)
-
-
-def outline(**given):
-    settings = settings_with(**given)
-    return outline_of(settings.footprints[0], settings.max_vertices)
-
-
-@pytest.mark.parametrize('points', [
-    FLAT, tuple(FLAT), '[[0.5, 0.25], [-0.5, 0.25], [-0.5, -0.25], [0.5, -0.25]]',
-    ' [ [.5,25e-2],[-0.5,0.25],[-.5,-0.25], [0.5 , -0.25] ] '])
-def test_points_are_numbers_or_a_string_as_in_nav2(points):
-    assert outline(points=points) == SQUARE
-
-
-def test_points_may_be_integers():
-    """As in a parameter file without decimal points."""
-    assert outline(points=[1, 0, 0, 1, -1, 0]) == ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0))
-
-
-def test_outline_may_be_a_point_or_a_segment():
-    assert outline(points=[1.0, 0.0]) == ((1.0, 0.0),)
-    assert outline(points='[[1, 0], [2, 0]]') == ((1.0, 0.0), (2.0, 0.0))
-
-
-def test_topic_of_an_outline_is_that_of_its_transforms():
-    assert settings_with(points=FLAT).footprints[0].topic == '/ns//tf'
-    assert settings_with(points=FLAT, odometry='odom').footprints[0].topic == '/ns/odom'
-    assert settings_with(frame_id='').footprints[0].topic == '/ns/footprint'
+    ({'footprints': ['a'], 'obstacles': ['b', 'a']}, "'a' is used twice"),
+    ({'obstacle__moving': True}, '^obstacle.moving: only ids .* polygon_instance$'),
+    # The nearest name is suggested.
+    ({**TWO, 'a__obstacles': ['dock', 'wals']},
+     r"^a.obstacles: there is no obstacle source 'wals'; did you mean 'walls'\?$"),
+    ({**TWO, 'b__obstacles': ['x']}, "^b.obstacles: there is no obstacle source 'x'$"),
+    ({'footprint__radius': 1.0, 'footprint__frame_id': 'base_link'},
+     '^frame_id: the outline of footprint needs the fixed frame that it moves in, such as odom$')])
+def test_invalid_parameters_are_refused_in_one_line(given, words):
+    """It says which one, why, and what to do."""
+    with pytest.raises(ParameterError, match=words) as error:
+        settings_of(**given)
+    assert '\n' not in str(error.value)
 
 
 @pytest.mark.parametrize('given, words', [
@@ -201,13 +181,11 @@ def test_topic_of_an_outline_is_that_of_its_transforms():
      '^footprint.points and footprint.radius are both given: choose one$'),
     ({'points': FLAT, 'frame_id': ''}, '^footprint.frame_id: an outline needs the frame'),
     ({'points': FLAT, 'frame_id': '/base_link'}, 'without a slash before it$'),
-    ({'radius': 1.0, 'fixed': ''},
-     '^frame_id: the outline of footprint needs the fixed frame that it moves in, such as odom$'),
     ({'points': FLAT, 'odometry': 'odom', 'frame_id': 'odom'},
      '^footprint.frame_id: odom is the fixed frame, which no odometry moves: give the frame of'),
     ({}, '^footprint.frame_id is for an outline: give footprint.points or footprint.radius, too'),
     ({'frame_id': '', 'odometry': 'odom'}, '^footprint.odometry is for an outline: ')])
 def test_invalid_outlines_are_refused_in_one_line(given, words):
     with pytest.raises(ParameterError, match=words) as error:
-        settings_with(**given)
+        outlined(**{f'footprint__{name}': value for name, value in given.items()})
     assert '\n' not in str(error.value)

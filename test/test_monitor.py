@@ -19,8 +19,9 @@ import pytest
 from sat_collision.monitor import Monitor
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.streams import Endpoint
+from stage import with_changes
 
-ONE_SOURCE = replace(SETTINGS, obstacles=SETTINGS.obstacles[:1])
+INPUTS = ('robot', None), ('lidar', None), ('tracks', 5)
 
 
 def test_messages_become_contacts():
@@ -35,7 +36,7 @@ def test_messages_become_contacts():
     assert not monitor.rejected
 
 
-@pytest.mark.parametrize('name, instance', [('robot', None), ('lidar', None), ('tracks', 5)])
+@pytest.mark.parametrize('name, instance', INPUTS)
 @pytest.mark.parametrize('reason, points, frame_id', [
     ('empty frame_id', box(0.5), ''),
     ('other frame', box(0.5), 'odom'),
@@ -62,20 +63,22 @@ def test_invalid_message_is_unknown_until_a_valid_one(
     assert monitor.scene.state('robot').reasons == ()
 
 
-def test_empty_footprint_is_rejected():
+@pytest.mark.parametrize('name, data, reason, words', [
+    ('robot', serialised([]), 'empty', ()),
+    # It may be of a clock that was set back, and so all begins anew.
+    ('lidar', serialised(box(0), NOW - 3 * SECOND), 'too old', ('3.000 s old', 'timeout')),
+    # The clocks of two machines differ by an hour.
+    *((name, serialised(box(30), NOW + 3600 * SECOND, instance=instance), 'from the future',
+       ('3600.000 s ahead', 'future_tolerance')) for name, instance in INPUTS),
+    # Truncated or empty.
+    *((name, serialised(box(0), instance=instance)[:size], 'undecodable', ())
+      for name, instance in INPUTS for size in (-1, 3, 0))],
+    ids=lambda one: one if isinstance(one, str) else '')
+def test_rejection_says_why_and_what_to_do(name, data, reason, words):
     monitor = clear_monitor()
-    assert monitor.receive('robot', serialised([]), NOW).reason == 'empty'
+    rejection = monitor.receive(name, data, NOW)
+    assert rejection.reason == reason and all(word in rejection.text for word in words)
     assert status(monitor) == 'unknown'
-
-
-@pytest.mark.parametrize('name, instance', [('robot', None), ('lidar', None), ('tracks', 5)])
-def test_undecodable_message_is_rejected(name, instance):
-    """Truncated or empty."""
-    good = serialised(box(0), instance=instance)
-    for data in (good[:-1], good[:3], b''):
-        monitor = clear_monitor()
-        assert monitor.receive(name, data, NOW).reason == 'undecodable'
-        assert status(monitor) == 'unknown'
 
 
 def test_obstacle_beyond_max_count_is_rejected():
@@ -87,19 +90,9 @@ def test_obstacle_beyond_max_count_is_rejected():
     assert status(monitor) == 'unknown'
 
 
-def test_obstacle_past_its_timeout_is_rejected():
-    """It may be of a clock that was set back, and so all begins anew."""
-    monitor = clear_monitor()
-    rejection = monitor.receive('lidar', serialised(box(0), NOW - 3 * SECOND), NOW)
-    assert rejection.reason == 'too old'
-    assert '3.000 s old' in rejection.text and 'timeout' in rejection.text
-    assert status(monitor) == 'unknown'
-
-
 def test_messages_of_a_disabled_source_are_only_counted():
     monitor = clear_monitor()
-    lidar, tracks = SETTINGS.obstacles
-    monitor.scene.update(replace(SETTINGS, obstacles=(replace(lidar, enabled=False), tracks)))
+    monitor.scene.update(with_changes(SETTINGS, 'lidar', enabled=False))
     for data in (serialised(box(0)), serialised(BOW_TIE), b''):
         assert monitor.receive('lidar', data, NOW) is None
     assert monitor.received['lidar'] == 5
@@ -111,17 +104,6 @@ def test_max_vertices():
     monitor = clear_monitor(replace(SETTINGS, max_vertices=3000))
     assert monitor.receive('lidar', serialised(CIRCLE), NOW) is None
     assert status(monitor) == 'collision'
-
-
-@pytest.mark.parametrize('name, instance', [('robot', None), ('lidar', None), ('tracks', 5)])
-def test_stamp_from_the_future_is_rejected(name, instance):
-    """The clocks of two machines differ by an hour; the rejection says what to do."""
-    monitor = clear_monitor()
-    rejection = monitor.receive(
-        name, serialised(box(30), NOW + 3600 * SECOND, instance=instance), NOW)
-    assert rejection.reason == 'from the future'
-    assert '3600.000 s ahead' in rejection.text and 'future_tolerance' in rejection.text
-    assert status(monitor) == 'unknown'
 
 
 def test_damaged_messages_never_raise():
@@ -158,16 +140,16 @@ def test_vertices_of_non_convex_polygons_may_be_limited():
     assert status(monitor) == 'collision'
 
 
-def test_plain_python_has_the_limit_of_kernels():
-    """Where nothing has to be in time, as in replay, so that the answers are the same."""
-    monitor = clear_monitor()
-    assert monitor.receive('lidar', serialised(star(200)), NOW) is None
+@pytest.mark.parametrize('most, points', [
+    # Where nothing has to be in time, as in replay, so that the answers are the same.
+    (None, star(200)),
+    (128, [(math.cos(k / 163), math.sin(k / 163)) for k in range(1024)])],
+    ids=['without the limit', 'convex'])
+def test_vertices_of_other_polygons_are_not_limited_with_them(most, points):
+    """Plain Python has the limit of kernels."""
+    monitor = clear_monitor(max_non_convex=most)
+    assert monitor.receive('lidar', serialised(points), NOW) is None
     assert status(monitor) == 'collision'
-
-
-def test_convex_polygons_are_not_limited_with_them():
-    circle = [(math.cos(k / 163), math.sin(k / 163)) for k in range(1024)]
-    assert clear_monitor(max_non_convex=128).receive('lidar', serialised(circle), NOW) is None
 
 
 def test_number_of_repeated_points_is_limited():
@@ -200,7 +182,7 @@ def test_long_frame_names_are_refused():
 
 
 def test_publisher_announced_after_its_message():
-    monitor = Monitor(ONE_SOURCE)
+    monitor = Monitor(replace(SETTINGS, obstacles=SETTINGS.obstacles[:1]))
 
     def publish_by(*endpoints):
         for name in ('robot', 'lidar'):
@@ -216,16 +198,11 @@ def test_publisher_announced_after_its_message():
     assert [reason[-16:] for reason in reasons if 'no pub' in reason] == ['has no publisher'] * 2
 
 
-def positions(monitor):
-    """Return number and x of the obstacles of sets, sorted."""
-    return sorted((name.key, polygon.bounds[0]) for name, polygon in monitor.scene.obstacles
-                  if name.source == 'lidar')
-
-
 def test_messages_without_numbers():
     """Losses cannot be noticed, and messages are assumed to be consecutive."""
     monitor = clear_monitor()
-    monitor.receive('lidar', serialised(box(10), NOW + 1), NOW + 1)
-    monitor.receive('lidar', serialised([], NOW + 1), NOW + 1)
-    assert positions(monitor) == [(0, 10)]
+    for points in (box(10), []):
+        monitor.receive('lidar', serialised(points, NOW + 1), NOW + 1)
+    assert [(name.key, polygon.bounds[0]) for name, polygon in monitor.scene.obstacles
+            if name.source == 'lidar'] == [(0, 10)]
     assert monitor.lost == {}

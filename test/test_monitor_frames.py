@@ -27,6 +27,7 @@ from sat_collision.scene.frames import BAD_TRANSFORM
 from sat_collision.scene.settings import (
     BY_ANOTHER_CLOCK, FootprintSettings, ObstacleSettings, Settings)
 from sat_collision.scene.streams import Endpoint
+from stage import with_changes
 
 
 @pytest.fixture
@@ -48,11 +49,10 @@ def test_footprint_in_a_moving_frame_is_placed():
     robot.move(0.5)
     robot.move(1.0)
     robot.time = 1.0
-    robot.send('robot', box(0), 0.5, 'base')
     robot.see(box(1.75), 1.0, 'odom')
-    assert robot.status() == 'clear'
-    robot.send('robot', box(0), 0.75, 'base')
-    assert robot.status() == 'collision'
+    for time, status in ((0.5, 'clear'), (0.75, 'collision')):
+        robot.send('robot', box(0), time, 'base')
+        assert robot.status() == status
 
 
 def test_messages_in_the_fixed_frame_need_no_transform():
@@ -60,7 +60,7 @@ def test_messages_in_the_fixed_frame_need_no_transform():
     robot = Robot()
     robot.stand(0)
     robot.see([(0.1, 0.3), (3, 7), (1 / 3, 5)], None, 'odom')
-    (_, polygon), = robot.monitor.scene.obstacles
+    (_, polygon), = robot.scene.obstacles
     assert polygon.vertices.tolist() == [
         [0.10000000149011612, 0.30000001192092896], [3, 7], [0.3333333432674408, 5]]
     assert 'lidar' not in robot.monitor.waiting
@@ -68,18 +68,15 @@ def test_messages_in_the_fixed_frame_need_no_transform():
 
 def test_non_convex_obstacle_is_placed(robot):
     robot.see([(0, 0), (4, 0), (4, 4), (2, 1)], 1.0, 'base')
-    (_, polygon), = robot.monitor.scene.obstacles
+    (_, polygon), = robot.scene.obstacles
     assert polygon.vertices.tolist() == [[1, 0], [5, 0], [5, 4], [3, 1]]
     assert robot.status() == 'collision'
 
 
-def test_stamp_0_uses_the_newest_transform(robot):
+def test_stamp_0_uses_the_newest_transform_until_it_is_past_the_timeout(robot):
+    """The timeout of the source is 2 s."""
     robot.see(box(1), 'none', 'base')
     assert robot.seen == [(2, 0, 3, 1)]
-
-
-def test_stamp_0_refuses_a_newest_transform_past_the_timeout(robot):
-    """The timeout of the source is 2 s."""
     assert robot.at(3.0).see(box(1), 'none', 'base') is None
     assert robot.at(3.001).see(box(1), 'none', 'base').reason == frames.OLD_LATEST
     assert 'past the timeout by 0.001 s' in robot.rejections[0].text
@@ -103,7 +100,7 @@ def test_empty_polygon_needs_no_transform(robot):
 
 
 def test_settings_of_transforms_can_be_changed_live(robot):
-    robot.monitor.update(replace(SETTINGS, transform_timeout=1.0, max_tf_gap=0.05, max_tilt=0.2))
+    robot.use(transform_timeout=1.0, max_tf_gap=0.05, max_tilt=0.2)
     robot.see(box(9), 0.55)
     assert robot.reasons == [frames.GAP]
     robot.see(box(9), 1.05)
@@ -150,7 +147,7 @@ def test_control_characters_in_frame_names_are_escaped(robot, name):
     assert frames.LOOP in robot.reasons
     words = [one.text for one in robot.rejections]
     words += [child for child, _ in robot.monitor.transforms.rejected]
-    words += robot.monitor.scene.state('robot').reasons
+    words += robot.scene.state('robot').reasons
     assert len(words) > 6 and all(word.isprintable() and len(word) < 600 for word in words)
 
 
@@ -193,12 +190,10 @@ def test_frames_of_long_ago_make_room_for_new_ones(robot):
 def test_two_publishers_of_a_frame_are_noticed(robot):
     """By their message numbers; a restart counts as one turn."""
     listener, now = robot.monitor.transforms, robot.now
-    for number in (7, 8, 9, 1, 2, 3):
-        listener.receive(TF, transforms(('odom', 'base', now, 0, 0)), now, number, now)
-    assert listener.turns == {'base': 1}
-    for number in (4, 100, 5, 101, 6):
-        listener.receive(TF, transforms(('odom', 'base', now, 0, 0)), now, number, now)
-    assert listener.turns == {'base': 3}
+    for numbers, turns in (((7, 8, 9, 1, 2, 3), 1), ((4, 100, 5, 101, 6), 3)):
+        for number in numbers:
+            listener.receive(TF, transforms(('odom', 'base', now, 0, 0)), now, number, now)
+        assert listener.turns == {'base': turns}
 
 
 @pytest.mark.parametrize('reason, detail', [
@@ -235,17 +230,16 @@ def test_numbers_of_made_up_frames_are_not_kept_for_ever(robot, monkeypatch):
 # --- maps
 
 
-MAP = replace(SETS, obstacles=(replace(SETS.obstacles[0], timeout=0.0),))
+MAP = with_changes(SETS, 'lidar', timeout=0.0)
 
 
 def test_map_is_unknown_while_a_part_of_it_waits():
     """What waits may be in contact."""
     robot = Robot(MAP)
     robot.stand(0)
-    robot.see(box(9), 0.0, 'odom', None)
-    robot.see((), 0.0, 'odom', None)
+    robot.see_all(box(9))
     assert robot.status() == 'clear'
-    robot.see(box(0), 0.0, 'base', None)
+    robot.see(box(0), 0.0, 'base')
     assert 'waits for the transform' in robot.state().reasons[0]
     robot.move(0.0, 30.0)
     assert robot.status() == 'clear'
@@ -256,8 +250,7 @@ def map_robot(*link, settings=MAP):
     robot = Robot(settings)
     robot.stand(0)
     robot.receive_transforms(*link)
-    robot.see(box(0), 0.0, link[1][1], None)
-    robot.see((), 0.0, 'odom', None)
+    robot.see_all(box(0), frame_id=link[1][1])
     assert robot.status() == 'clear'
     return robot
 
@@ -276,9 +269,8 @@ def test_all_of_a_map_follows_when_a_transform_ahead_of_the_clock_comes_to_count
     robot.stand(0)
     robot.move(0.0, 50.0, 'site')
     robot.move(0.5, 0.5, 'site')
-    robot.see(box(0), 0.0, 'site', None)
-    robot.at(0.6).see(box(9), 0.6, 'site', None)
-    robot.see((), 0.6, 'site', None)
+    robot.see(box(0), frame_id='site')
+    robot.at(0.6).see_all(box(9), frame_id='site')
     assert robot.status() == 'collision' and [x for x, *_ in robot.seen] == [0.5, 9.5]
 
 
@@ -287,8 +279,8 @@ def test_part_of_a_map_in_the_fixed_frame_stays():
     robot = map_robot(TF_STATIC, ('odom', 'site', 0, 50.0, 0.0))
     for frame_id in 3 * ['site'] + 3 * ['odom']:
         for x, sent_in in ((20, frame_id), (30, frame_id), (70, 'site')):
-            robot.see(box(x), 0.0, sent_in, None)
-        robot.see((), 0.0, 'odom', None)
+            robot.see(box(x), frame_id=sent_in)
+        robot.see_all()
     robot.receive_transforms(TF_STATIC, ('odom', 'site', 0, 60.0, 0.0))
     assert [x for x, *_ in robot.seen] == [20, 30, 130]
 
@@ -298,8 +290,7 @@ def test_map_follows_a_moving_frame_and_is_unknown_without_it():
     robot = map_robot(TF, ('odom', 'site', START, 50.0, 0.0))
     robot.at(1.0).stand(0)
     assert robot.status() == 'clear'
-    robot.at(1.001)
-    assert 'frame whose transform is too old' in robot.state().reasons[0]
+    assert 'frame whose transform is too old' in robot.at(1.001).state().reasons[0]
     robot.at(1.2).move(1.1, 40.0, 'site')
     assert robot.status() == 'clear' and robot.seen == [(40, 0, 41, 1)]
     robot.move(1.2, 0.0, 'site')
@@ -309,16 +300,17 @@ def test_map_follows_a_moving_frame_and_is_unknown_without_it():
 
 
 @pytest.mark.parametrize('link, changes, reason', [
-    ((TF, ('odom', 'site', START, 50.0, 0.0)), {'footprints': (
-        replace(MAP.footprints[0], timeout=0.5),)}, 'past the timeout by 0.4 s'),
+    ((TF, ('odom', 'site', START, 50.0, 0.0)), {'name': 'robot', 'timeout': 0.5},
+     'past the timeout by 0.4 s'),
     ((TF_STATIC, ('odom', 'site', 0, 50.0, 0.0, 0.0, 0.0, 0.04, 0.0, 0.9992)),
      {'max_tilt': 0.01}, 'tilted by')], ids=['timeout', 'tilt'])
 def test_frame_of_a_map_counts_by_the_present_parameters(link, changes, reason):
     robot = map_robot(*link)
     robot.at(0.9).stand(0)
-    robot.monitor.update(replace(robot.settings, **changes))
+    before = robot.settings
+    robot.use(**changes)
     assert robot.status() == 'unknown' and reason in robot.state().reasons[0]
-    robot.monitor.update(robot.settings)
+    robot.monitor.update(before)
     assert robot.status() == 'clear'
 
 
@@ -335,9 +327,9 @@ def test_frame_in_which_a_map_was_sent_does_not_matter_for_the_next():
     """Though /tf is silent, so that nothing else tells of frames."""
     robot = map_robot(TF, ('odom', 'site', START, 50.0, 0.0))
     robot.at(2.0).stand(0)
-    robot.see(box(9), 2.0, 'odom', None)
+    robot.see(box(9), frame_id='odom')
     assert 'too old' in ''.join(robot.state().reasons)
-    robot.see((), 2.0, 'odom', None)
+    robot.see_all()
     assert robot.status() == 'clear'
 
 
@@ -345,8 +337,7 @@ def test_frame_in_which_a_map_was_sent_does_not_matter_for_the_next():
     ('laser', TF, ('odom', 'base')), ('map', TF_STATIC, ('odom', 'map'))])
 def test_map_is_requested_again_once_its_transform_has_come(frame_id, topic, link):
     """A latched map is sent only once, and at the start transforms may come later."""
-    robot = Robot(replace(SETTINGS, obstacles=(
-        replace(SETTINGS.obstacles[0], timeout=0.0, set_end='empty_polygon'),)))
+    robot = Robot(with_changes(SETTINGS, 'lidar', timeout=0.0, set_end='empty_polygon'))
     robot.see(box(9), 'none', frame_id)
     robot.at(5.0).see((), 'none', frame_id)
     assert len(robot.reasons) == 1 and not robot.scene.wants_history('lidar')

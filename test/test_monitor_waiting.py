@@ -17,8 +17,9 @@ from monitors import BOW_TIE, CIRCLE, nanoseconds
 import pytest
 from sat_collision.scene import frames
 from sat_collision.scene.obstacles import ObstacleId
-from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, TF
+from sat_collision.scene.settings import ObstacleSettings, TF
 from sat_collision.scene.streams import Endpoint
+from stage import with_changes
 
 
 @pytest.fixture
@@ -97,28 +98,29 @@ def test_later_whole_listing_needs_only_its_own_bodies_placed(source):
     for frame in 'odom', 'base':
         robot = Robot(replace(SETTINGS, obstacles=(
             ObstacleSettings('lidar', '/polygons', **source),)))
+        has_marks = source['set_end'] == 'empty_polygon'
         robot.stand(0)
-        robot.see(box(20), 0.0, 'camera', None)
-        if source['set_end'] == 'empty_polygon':
-            robot.see((), 0.0, 'odom', None)
-            robot.see(box(21), 0.0, 'odom', None)
-        robot.see(box(22), 0.0, frame, None)
-        if source['set_end'] == 'empty_polygon':
+        robot.see(box(20), frame_id='camera')
+        if has_marks:
+            robot.see_all()
+            robot.see(box(21), frame_id='odom')
+        robot.see(box(22), frame_id=frame)
+        if has_marks:
             assert robot.status() == 'unknown', 'its mark may end less than all'
-            robot.see((), 0.0, 'odom', None)
+            robot.see_all()
         if frame == 'base':
             assert robot.status() == 'unknown' and not robot.reasons
             robot.move(0.0)
         assert robot.status() == 'clear' and 'lidar' not in robot.monitor.waiting
         assert robot.reasons == [frames.UNKNOWN_FRAME]
-        assert len(robot.seen) == (2 if source['set_end'] == 'empty_polygon' else 1)
+        assert len(robot.seen) == 1 + has_marks
 
 
 def test_mark_is_never_refused_for_its_frame():
     for frame in '', 'a' * 256, 'elsewhere':
         robot = Robot(SETS)
         robot.stand(0)
-        assert robot.see((), 0.0, frame, None) is None and robot.status() == 'clear'
+        assert robot.see((), 0.0, frame) is None and robot.status() == 'clear'
 
 
 def test_waiting_ends_after_transform_timeout(robot):
@@ -131,7 +133,7 @@ def test_waiting_ends_after_transform_timeout(robot):
     assert text.startswith(
         'lidar: a message on /polygons was rejected, no transform: no transform from laser to odom'
         ' at its stamp: the newest of base is 0.05 s older; ')
-    assert robot.monitor.scene.state('robot').reasons == (
+    assert robot.scene.state('robot').reasons == (
         'obstacle source lidar on /polygons sent what was refused: no transform',)
     robot.move(1.3)
     robot.see(box(9), 1.25, 'laser')
@@ -171,11 +173,10 @@ def test_obstacle_from_the_future_behind_a_waiting_one_is_refused_at_once(robot)
 @pytest.mark.parametrize('frame', ['odom', 'base'])
 def test_set_from_the_future_replaces_none_that_waits(frame):
     """The good one is placed once its transform comes."""
-    robot = Robot(replace(SETTINGS, obstacles=(
-        ObstacleSettings('lidar', '/polygons', set_end='each_message'),)))
+    robot = Robot(with_changes(SETS, 'lidar', timeout=2.0, set_end='each_message'))
     robot.stand(0)
-    robot.see(box(0.5), 0.0, 'base', None)
-    robot.see(box(9), 3600.0, frame, None)
+    robot.see(box(0.5), 0.0, 'base')
+    robot.see(box(9), 3600.0, frame)
     assert robot.status() == 'unknown' and not robot.reasons
     robot.move(0.0)
     assert robot.status() == 'collision' and robot.reasons == ['from the future']
@@ -183,26 +184,24 @@ def test_set_from_the_future_replaces_none_that_waits(frame):
 
 def test_map_behind_a_waiting_part_counts_whatever_its_stamp():
     """Its stamps are of before the clock was set back."""
-    robot = Robot(replace(SETS, obstacles=(replace(SETS.obstacles[0], timeout=0.0),)))
+    robot = Robot(with_changes(SETS, 'lidar', timeout=0.0))
     robot.stand(0)
-    robot.see(box(9), 3600.0, 'camera', None)
-    robot.see(box(0.5), 3600.0, 'odom', None)
+    robot.see(box(9), 3600.0, 'camera')
+    robot.see(box(0.5), 3600.0, 'odom')
     assert robot.monitor.waiting.counts() and robot.status() == 'collision'
 
 
 def test_small_step_back_of_the_clock_makes_no_wait_longer(robot):
     robot.at(1.05).see(box(9), 1.05)
     assert robot.at(0.65).monitor.deadline == nanoseconds(0.85)
-    robot.at(0.8500001)
-    assert robot.reasons == [frames.NO_TRANSFORM] and not robot.monitor.waiting.counts()
+    assert robot.at(0.8500001).reasons == [frames.NO_TRANSFORM]
+    assert not robot.monitor.waiting.counts()
 
 
 def test_waiting_counts_towards_the_age(robot):
     robot.at(1.05).see(box(9), 1.05)
     robot.at(1.2).move(1.2)
-    assert robot.seen
-    assert robot.at(3.05).seen
-    assert not robot.at(3.0500001).seen
+    assert [len(robot.at(time).seen) for time in (1.2, 3.05, 3.0500001)] == [1, 1, 0]
 
 
 @pytest.mark.parametrize('time, reason', [(-0.1, frames.NO_TRANSFORM), (1.3, frames.GAP)])
@@ -218,7 +217,7 @@ def test_footprint_waits_and_is_refused(robot):
     robot.at(1.1).send('robot', box(0), 1.1, 'base')
     assert robot.status() == 'clear'
     assert robot.at(1.4).reasons == [frames.NO_TRANSFORM]
-    assert robot.monitor.scene.state('robot').reasons == (
+    assert robot.scene.state('robot').reasons == (
         'footprint robot on /footprint was refused: no transform',)
 
 
@@ -240,9 +239,9 @@ def test_loss_before_a_waiting_message():
     """It is counted when that message is received."""
     robot = Robot(SETS)
     robot.move(0.0)
-    robot.see(box(1), 0.1, 'base', None)
+    robot.see(box(1), 0.1, 'base')
     robot.numbers['lidar'] += 1
-    robot.see(box(2), 0.1, 'base', None)
+    robot.see(box(2), 0.1, 'base')
     assert robot.monitor.lost == {}
     robot.time = 0.1
     robot.move(0.1)
@@ -255,12 +254,10 @@ def test_set_with_a_waiting_message_is_not_whole():
     robot = Robot(SETS)
     robot.stand(0)
     robot.move(0.1)
-    robot.at(0.1)
-    for points in (box(0), ()):
-        robot.see(points, 0.1, 'odom', None)
-    robot.at(0.2).see(box(7), 0.2, 'odom', None)
-    robot.see(box(0), 0.2, 'base', None)
-    robot.see((), 0.2, 'odom', None)
+    robot.at(0.1).see_all(box(0))
+    robot.at(0.2).see(box(7), 0.2, 'odom')
+    robot.see(box(0), 0.2, 'base')
+    robot.see_all()
     assert robot.at(0.39).status() == 'collision'
     assert sorted(robot.seen) == [(0, 0, 1, 1), (7, 0, 8, 1)]
     robot.move(0.35, 0.2)
@@ -273,13 +270,12 @@ def test_change_of_publishers_waits_for_their_messages():
     robot = Robot(SETS)
     robot.stand(0)
     robot.monitor.update_publishers('lidar', [Endpoint('a', '/a')])
-    robot.see(box(9), 0.0, 'base', None)
-    robot.see((), 0.0, 'odom', None)
+    robot.see_all(box(9), frame_id='base')
     robot.monitor.update_publishers('lidar', [])
-    assert 'has no publisher' not in robot.monitor.scene.state('robot').reasons[0]
+    assert 'has no publisher' not in robot.scene.state('robot').reasons[0]
     robot.move(0.0)
     assert robot.seen == [(9, 0, 10, 1)]
-    assert 'has no publisher' in robot.monitor.scene.state('robot').reasons[0]
+    assert 'has no publisher' in robot.scene.state('robot').reasons[0]
 
 
 def test_messages_of_any_publisher_end_nothing_even_if_they_wait():
@@ -308,21 +304,18 @@ def test_footprint_of_stamp_0_behind_one_that_waits_counts_from_its_arrival(robo
 
 def test_obstacle_of_stamp_0_counts_from_its_arrival():
     """Not from when it is taken from the queue of the middleware."""
-    footprint = FootprintSettings('robot', '/footprint', timeout=0.0)
-    robot = Robot(replace(SETS, footprints=(footprint,)))
+    robot = Robot(with_changes(SETS, 'robot', timeout=0.0))
     robot.stand(0)
-    robot.at(3.0)
-    robot.monitor.receive_batch('lidar', [serialised((), 0, 'odom')], robot.now, 1,
-                                arrived=nanoseconds(0.0))
+    robot.at(3.0).monitor.receive_batch(
+        'lidar', [serialised((), 0, 'odom')], robot.now, 1, arrived=nanoseconds(0.0))
     assert robot.status() == 'clear'
     assert robot.at(5.01).status() == 'unknown'
 
 
 def test_transform_of_stamp_0_counts_from_its_arrival():
     robot = Robot()
-    robot.at(1.0)
-    robot.monitor.receive_transforms(TF, transforms(('odom', 'base', 0, 1.0, 0.0)), robot.now,
-                                     arrived=nanoseconds(0.25))
+    robot.at(1.0).monitor.receive_transforms(
+        TF, transforms(('odom', 'base', 0, 1.0, 0.0)), robot.now, arrived=nanoseconds(0.25))
     assert robot.monitor.transforms.lookup_affine('base', 0, robot.now).at == nanoseconds(0.25)
 
 
@@ -330,11 +323,10 @@ def test_change_of_publishers_is_not_dropped_when_time_steps_back():
     """It waits behind messages, which are dropped; the middleware reports it only once."""
     robot = Robot(SETS)
     robot.monitor.update_publishers('lidar', [Endpoint('a', '/a'), Endpoint('b', '/b')])
-    robot.see(box(9), 0.0, 'base', None)
+    robot.see(box(9), 0.0, 'base')
     robot.monitor.update_publishers('lidar', [Endpoint('a', '/a')])
     assert 'has 2 publishers' in robot.scene.source_faults[0]
-    robot.at(-5.0)
-    assert 'publishers' not in robot.scene.source_faults[0]
+    assert 'publishers' not in robot.at(-5.0).scene.source_faults[0]
 
 
 def test_disabled_source_drops_waiting_messages(robot):
@@ -347,8 +339,7 @@ def test_disabled_source_drops_waiting_messages(robot):
 @pytest.mark.parametrize('name', ['lidar', 'robot'])
 def test_what_waited_before_it_was_disabled_never_counts(name):
     """Newer ones, which were ignored, may be in contact."""
-    robot = Robot(replace(SETS, obstacles=(
-        replace(SETS.obstacles[0], set_end='each_message', timeout=0.0),)))
+    robot = Robot(with_changes(SETS, 'lidar', set_end='each_message', timeout=0.0))
     for other in {'lidar', 'robot'} - {name}:
         robot.send(other, box(0))
     robot.send(name, box(9), frame_id='base')

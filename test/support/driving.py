@@ -15,11 +15,12 @@ import math
 from builders import box
 from monitors import nanoseconds, World
 from sat_collision.messages.transform_listener import TF, TF_STATIC
-from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
+from sat_collision.scene.settings import (
+    FootprintSettings, ObstacleSettings, POLYGON_INSTANCE, Settings)
 
 SETTINGS = Settings(
     frame_id='odom', footprints=(FootprintSettings('robot', '/footprint'),),
-    obstacles=(ObstacleSettings('lidar', '/polygons', type='polygon_instance', max_count=5),))
+    obstacles=(ObstacleSettings('lidar', '/polygons', type=POLYGON_INSTANCE, max_count=5),))
 SETS = replace(SETTINGS, obstacles=(
     ObstacleSettings('lidar', '/polygons', timeout=5.0, set_end='empty_polygon'),))
 
@@ -47,8 +48,15 @@ class Robot(World):
         """Send a footprint in the fixed frame."""
         assert self.send('robot', box(x), time) is None
 
-    def see(self, points, time, frame_id='laser', instance=1):
-        return self.send('lidar', points, time, frame_id, instance)
+    def see(self, points, time=None, frame_id='laser', instance=1):
+        """Send an obstacle, with an id if the source gives ids."""
+        has_ids = self.settings.obstacles[0].type == POLYGON_INSTANCE
+        return self.send('lidar', points, time, frame_id, instance if has_ids else None)
+
+    def see_all(self, *polygons, frame_id='odom'):
+        """Send a whole set that was seen now."""
+        for points in (*polygons, ()):
+            self.see(points, None, frame_id)
 
     @property
     def seen(self):

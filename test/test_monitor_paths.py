@@ -13,20 +13,17 @@ from dataclasses import replace
 import math
 
 from builders import box, path, SECOND
-from monitors import World
+from monitors import MAP, MapWorld, OUTLINE, World
 import numpy as np
 import pytest
 from sat_collision.messages.markers import Markers
 from sat_collision.messages.transform_listener import TF, TF_STATIC
 from sat_collision.scene.parameters import check_outlines, ParameterError
 from sat_collision.scene.path import FollowedPath
-from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
+from sat_collision.scene.settings import FootprintSettings, Settings
 
-OUTLINE = (-0.5, -0.25, 0.5, -0.25, 0.5, 0.25, -0.5, 0.25)
 ROBOT = FootprintSettings('robot', TF, points=OUTLINE, frame_id='base', rate=1000.0,
                           path='/plan', timeout=5.0)
-MAP = ObstacleSettings('map', '/map', type='polygon_instance', timeout=0.0,
-                       set_end='empty_polygon')
 # The square from x = 5 to 6 on the x axis.
 AHEAD = box(5, -0.5)
 STRAIGHT = [(x, 0.0, 0.0) for x in np.linspace(0.0, 10.0, 21)]
@@ -35,13 +32,11 @@ NONE = 0.0, 0.0, 0.0, 0.0, 0.0
 LONG = {'points': (-1, -0.2, 1, -0.2, 1, 0.2, -1, 0.2)}
 
 
-class Follower(World):
+class Follower(MapWorld):
     """A monitor of a robot with a path among obstacles."""
 
     def __init__(self, *polygons, settings={}, **robot):
-        super().__init__(Settings(frame_id='odom', footprints=(replace(ROBOT, **robot),),
-                                  obstacles=(MAP,), **settings))
-        self.send_map('map', *polygons)
+        super().__init__((replace(ROBOT, **robot),), *polygons, **settings)
 
     def plan(self, poses, stamp=0, **more):
         self.monitor.receive('robot.path', path(poses, stamp, **more), self.now, None)
@@ -87,34 +82,25 @@ def test_first_contact_ahead(order):
 def test_no_contact_and_contact():
     world = at_start(box(5, 0.3))
     assert (world.plan(STRAIGHT).metres, world.text) == (math.inf, 'none')
-    world.move(0.1, 4.8, 0.2)
-    assert world.status() == 'collision'
+    assert world.move(0.1, 4.8, 0.2).status() == 'collision'
     assert (world.check().metres, str(world.check().obstacle)) == (0.0, 'map/1')
 
 
-def test_margin_counts():
+def test_margin_and_changed_outline_count():
     world = at_start(box(5, 0.3), settings={'margin': 0.1})
     assert world.plan(STRAIGHT).metres == pytest.approx(4.5 - math.sqrt(0.01 - 0.05 ** 2))
-
-
-def test_changed_outline_counts():
-    world = at_start(box(5, 0.3))
-    assert world.plan(STRAIGHT).metres == math.inf
+    world.use(margin=0.0)
+    assert world.check().metres == math.inf
     world.use('robot', points=(-0.5, -0.5, 0.5, -0.5, 0.5, 0.5, -0.5, 0.5))
-    world.move(0.1, 0.0)
-    assert world.check().metres == pytest.approx(4.5, abs=1e-6)
+    assert world.move(0.1, 0.0).check().metres == pytest.approx(4.5, abs=1e-6)
 
 
 def test_obstacles_of_other_sources_do_not_count():
-    other = replace(MAP, name='other', topic='/other')
-    world = World(Settings(frame_id='odom', obstacles=(MAP, other), footprints=(
-        replace(ROBOT, obstacles=('other',)),)))
-    world.send_map('map', AHEAD)
+    world = Follower(AHEAD, obstacles=('other',), settings={
+        'obstacles': (MAP, replace(MAP, name='other', topic='/other'))})
     world.send_map('other', box(7, -0.5))
     world.move(0.0, 0.0)
-    world.monitor.receive('robot.path', path(STRAIGHT), world.now, None)
-    world.monitor.paths.check(world.now)
-    assert world.scene.path_checks['robot'].metres == pytest.approx(6.5, abs=1e-6)
+    assert world.plan(STRAIGHT).metres == pytest.approx(6.5, abs=1e-6)
 
 
 def test_what_is_unknown_is_said():
@@ -134,8 +120,7 @@ def test_what_is_unknown_is_said():
     world.plan(STRAIGHT)
     assert world.at(7.0).status() == 'unknown'
     assert math.isnan(world.check().metres) and 'older than its timeout' in world.text
-    world.move(7.1, 0.0)
-    assert world.check().metres < 5.0
+    assert world.move(7.1, 0.0).check().metres < 5.0
 
 
 def test_state_that_is_unknown_since_the_last_check_says_so():
@@ -154,8 +139,7 @@ def test_part_behind_the_robot_does_not_count():
     found = world.check()
     assert found.metres == pytest.approx(0.8, abs=1e-6)
     assert found.pose == pytest.approx(9.0, abs=1e-6)
-    world.move(0.2, 7.0)
-    assert world.check().metres == math.inf
+    assert world.move(0.2, 7.0).check().metres == math.inf
 
 
 def test_progress_goes_back_with_the_robot_but_not_a_little():
@@ -214,8 +198,7 @@ def test_loops_are_told_apart_by_progress():
         world.move(0.01 * k, x, y, yaw)
         metres = world.check().metres
         assert metres == pytest.approx(length * (1 - (k - 1) / 128) + 3.7, abs=0.03), k
-    world.move(2.0, 3.0, 0.0)
-    assert world.check().metres == pytest.approx(0.7, abs=0.03)
+    assert world.move(2.0, 3.0, 0.0).check().metres == pytest.approx(0.7, abs=0.03)
 
 
 def test_reversing_and_turns_on_the_spot():
@@ -248,8 +231,7 @@ def test_there_and_back_with_few_poses():
     world = at_start(AHEAD, x=1.0)
     there = [(0.0, 0.0, 1e-9), (9.0, 0.0, 1e-9), (0.0, 0.0, 1e-9)]
     assert world.plan(there).metres == pytest.approx(3.5, abs=1e-6)
-    world.move(0.1, 2.0)
-    assert world.check().metres == pytest.approx(2.5, abs=1e-6)
+    assert world.move(0.1, 2.0).check().metres == pytest.approx(2.5, abs=1e-6)
 
 
 def test_robot_within_a_turn_on_the_spot():
@@ -297,8 +279,7 @@ def test_by_travel_the_way_between_poses_is_straight(corners, step):
     assert (found.pose - k) * math.dist(*places[k:k + 2]) == pytest.approx(
         4.5 - math.dist((0, 0), places[k]), abs=1e-6)
     # From where the robot is the rest is as long, and in contact it is at that pose.
-    world.move(0.1, 3.2)
-    assert world.check().metres == pytest.approx(1.3, abs=1e-6)
+    assert world.move(0.1, 3.2).check().metres == pytest.approx(1.3, abs=1e-6)
     assert world.check().pose == pytest.approx(found.pose, abs=1e-6)
     world.move(0.2, 4.5)
     assert (world.check().metres, world.check().pose) == (0.0, pytest.approx(found.pose))
@@ -317,8 +298,7 @@ def test_by_travel_it_turns_on_the_spot_at_a_pose():
     world = at_start(beside_corner, **LONG)
     goal = (3.0, 3.0, 0.0, 0.0, 0.0, math.sin(math.pi / 4), math.cos(math.pi / 4))
     assert world.plan([*places[:2], goal]).pose == pytest.approx(1.0)
-    world.move(0.1, 3.0, 0.01, math.pi / 2)
-    assert world.check().metres == math.inf
+    assert world.move(0.1, 3.0, 0.01, math.pi / 2).check().metres == math.inf
     # A goal without orientation is not turned to.
     world = at_start(beside_goal, **LONG)
     assert world.plan([*places[:3], (3.0, 3.0, *NONE)]).metres == math.inf

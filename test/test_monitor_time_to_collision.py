@@ -14,16 +14,14 @@ import math
 
 from bodies import first_contact, where
 from builders import box, SECOND, serialised
-from monitors import START, World
+from monitors import MAP, START, World
 import numpy as np
 import pytest
 from sat_collision.scene.obstacles import ObstacleId
-from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
+from sat_collision.scene.settings import FootprintSettings, Settings
 import shapely
 from shapely.geometry import Polygon
 
-MAP = ObstacleSettings('map', '/map', type='polygon_instance', timeout=0.0,
-                       set_end='empty_polygon')
 TRACKS = replace(MAP, timeout=10.0, set_end='none', moving=True)
 DOCK = replace(MAP, name='dock', topic='/dock')
 ROBOT = [(-0.5, -0.5), (0.5, -0.5), (0.7, 0.0), (0.5, 0.5), (-0.5, 0.5)]

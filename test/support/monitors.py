@@ -28,6 +28,10 @@ SETTINGS = Settings(
                                 assume_no_loss=True),
                ObstacleSettings('tracks', '/tracks', type='polygon_instance', max_count=2,
                                 assume_no_loss=True)))
+MAP = ObstacleSettings('map', '/map', type='polygon_instance', timeout=0.0,
+                       set_end='empty_polygon')
+# Of a robot that is 1 m long and 0.5 m wide.
+OUTLINE = (-0.5, -0.25, 0.5, -0.25, 0.5, 0.25, -0.5, 0.25)
 BOW_TIE = [(5, 5), (6, 6), (6, 5), (5, 6)]
 CIRCLE = [(math.cos(k / 500), math.sin(k / 500)) for k in range(2000)]
 
@@ -88,8 +92,9 @@ class World:
         self.look_ahead()
 
     def move(self, time, x, y=0.0, yaw=0.0, child='base', parent='odom'):
-        """Receive a transform at its time."""
+        """Receive a transform at its time; return the world."""
         self.at(time).receive_transforms(TF, (parent, child, self.now, x, y, yaw))
+        return self
 
     def receive_odometry(self, time, x, y=0.0, yaw=0.0, child='base', parent='odom', **twist):
         """Receive odometry at its time."""
@@ -124,6 +129,15 @@ class World:
     @property
     def reasons(self):
         return [rejection.reason for rejection in self.rejections]
+
+
+class MapWorld(World):
+    """Footprints that move in odom, among the polygons of a map."""
+
+    def __init__(self, footprints, *polygons, tracks_motion=False, obstacles=(MAP,), **settings):
+        super().__init__(Settings(footprints, obstacles, frame_id='odom', **settings),
+                         tracks_motion=tracks_motion)
+        self.send_map('map', *polygons)
 
 
 def clear_monitor(settings=SETTINGS, max_non_convex=None):

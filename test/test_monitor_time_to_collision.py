@@ -47,18 +47,19 @@ class Predicted(World):
 
     def place(self, time, points, age=0.0):
         """Receive a footprint that has an age."""
-        self.at(time)
-        self.send('robot', points, time - age)
+        self.at(time).send('robot', points, time - age)
+        return self
 
-    def drive(self, *times, speed=1.0, y=0.0):
+    def drive(self, *times, speed=1.0):
         """Receive footprints that drive along x, from x = 0 at time 0."""
         for time in times:
-            self.place(time, [(x + speed * time, v + y) for x, v in ROBOT])
+            self.place(time, [(x + speed * time, y) for x, y in ROBOT])
+        return self
 
     def see(self, time, points, key=1, age=0.0):
         """Receive an obstacle with an id and an age."""
-        self.at(time)
-        self.send('map', points, time - age, instance=key)
+        self.at(time).send('map', points, time - age, instance=key)
+        return self
 
     @property
     def seconds(self):
@@ -72,10 +73,8 @@ FAR = box(50.0)
 def test_time_is_counted_from_now():
     """The front is 2 m away at 1 m/s; delays of messages do not matter."""
     world = Predicted([FAR, AHEAD])
-    world.drive(0.0)
-    assert world.status() == 'clear' and world.prediction is None
-    world.drive(0.1)
-    assert world.prediction[:2] == (pytest.approx(1.9, abs=1e-3), ObstacleId('map', 2))
+    assert world.drive(0.0).status() == 'clear' and world.prediction is None
+    assert world.drive(0.1).prediction[:2] == (pytest.approx(1.9, abs=1e-3), ObstacleId('map', 2))
     assert world.prediction.velocity.origin == 'footprints'
     assert world.at(0.5).seconds == pytest.approx(1.5, abs=1e-3)
     world.place(0.8, [(x + 0.4, y) for x, y in ROBOT], age=0.4)
@@ -89,29 +88,22 @@ def test_time_is_0_in_contact_and_after_predicted_contact():
     world.drive(1.8, 1.9)
     assert world.at(2.4).status() == 'clear' and world.seconds == 0.0
     world = Predicted([AHEAD])
-    world.drive(2.25)
-    assert world.status() == 'collision'
+    assert world.drive(2.25).status() == 'collision'
     assert world.prediction == (0.0, ObstacleId('map', 1), None, 0.0, ())
 
 
 def test_time_until_within_the_margin():
     world = Predicted([AHEAD], margin=0.5)
-    world.drive(1.3, 1.4)
-    assert world.seconds == pytest.approx(0.1, abs=1e-3)
-    world.drive(1.49)
-    assert world.status() == 'clear' and world.seconds == pytest.approx(0.01, abs=1e-3)
-    world.drive(1.51)
-    assert world.status() == 'collision' and world.seconds == 0.0
+    assert world.drive(1.3, 1.4).seconds == pytest.approx(0.1, abs=1e-3)
+    assert world.drive(1.49).status() == 'clear' and world.seconds == pytest.approx(0.01, abs=1e-3)
+    assert world.drive(1.51).status() == 'collision' and world.seconds == 0.0
 
 
 def test_time_is_infinite_beyond_the_horizon_and_at_rest():
     world = Predicted([AHEAD], horizon=1.0)
-    world.drive(0.0, 0.5)
-    assert world.seconds == math.inf and world.prediction.obstacle is None
-    world.drive(1.001)
-    assert world.seconds == pytest.approx(0.999, abs=1e-3)
-    world.drive(1.1, 1.2, speed=0.0)
-    assert world.prediction == (
+    assert world.drive(0.0, 0.5).seconds == math.inf and world.prediction.obstacle is None
+    assert world.drive(1.001).seconds == pytest.approx(0.999, abs=1e-3)
+    assert world.drive(1.1, 1.2, speed=0.0).prediction == (
         math.inf, None, ((0, 0, 0), pytest.approx((0.14, 0, 0)), 'footprints', False), math.inf,
         ())
 
@@ -130,31 +122,25 @@ def test_velocity_is_not_that_across_a_time_without_tracking(change):
     track(False)
     world.drive(0.2, speed=-1.0)
     track(True)
-    world.drive(0.3, speed=0.0)
-    assert world.prediction is None
-    world.drive(0.4, speed=0.25)
-    assert world.seconds == pytest.approx(1.9, abs=1e-3)
+    assert world.drive(0.3, speed=0.0).prediction is None
+    assert world.drive(0.4, speed=0.25).seconds == pytest.approx(1.9, abs=1e-3)
 
 
 def test_only_monitored_sources_count():
     world = Predicted([FAR], [AHEAD], obstacles=('map',))
-    world.drive(0.0, 0.1)
-    assert world.seconds == math.inf
+    assert world.drive(0.0, 0.1).seconds == math.inf
     world.use('robot', obstacles=())
     assert world.prediction[:2] == (pytest.approx(1.9, abs=1e-3), ObstacleId('dock', 1))
 
 
 def test_no_prediction_while_unknown_or_not_requested():
     world = Predicted([AHEAD], horizon=0.0)
-    world.drive(0.0, 0.1)
-    assert world.prediction is None
+    assert world.drive(0.0, 0.1).prediction is None
     world = Predicted([AHEAD])
-    world.drive(0.0, 0.1)
-    assert world.seconds < 3
+    assert world.drive(0.0, 0.1).seconds < 3
     assert world.at(1.2).status() == 'unknown' and world.prediction is None
-    world.drive(1.3)
-    assert world.seconds == pytest.approx(0.7, abs=1e-3)
-    world.monitor.update(replace(world.settings, enabled=False))
+    assert world.drive(1.3).seconds == pytest.approx(0.7, abs=1e-3)
+    world.use(enabled=False)
     assert world.prediction is None
 
 
@@ -172,8 +158,7 @@ def test_imminent_within_min_time_to_collision():
     """It begins by time alone, and ends after release_delay."""
     world = Predicted([AHEAD], min_time_to_collision=1.0, release_delay=0.5)
     world.scene.tracks_motion = False
-    world.drive(0.0, 0.6, 0.7)
-    assert world.status() == 'clear'
+    assert world.drive(0.0, 0.6, 0.7).status() == 'clear'
     due = (world.scene.deadline - START) / SECOND
     assert due == pytest.approx(1.0, abs=2e-3)
     assert world.at(due - 0.01).status() == 'clear'
@@ -181,13 +166,10 @@ def test_imminent_within_min_time_to_collision():
     assert world.scene.state('robot').reasons == (
         'moving on as it does, it is in contact within min_time_to_collision, 1 s',)
     assert world.scene.unknown_reasons('robot') == ()
-    world.drive(2.25)
-    assert world.status() == 'collision'
-    world.drive(2.3, 2.4, speed=0.1)
-    assert world.status() == 'imminent'
+    assert world.drive(2.25).status() == 'collision'
+    assert world.drive(2.3, 2.4, speed=0.1).status() == 'imminent'
     assert 'release_delay' in world.scene.state('robot').reasons[0]
-    world.drive(2.79, speed=0.1)
-    assert world.status() == 'imminent'
+    assert world.drive(2.79, speed=0.1).status() == 'imminent'
     assert world.at(2.81).status() == 'clear'
 
 
@@ -198,12 +180,10 @@ def test_imminent_ends_when_the_footprint_brakes_or_its_velocity_is_unknown():
     assert world.status() == 'imminent' and world.seconds == pytest.approx(0.4, abs=1e-3)
     world.place(1.7, [(x + 1.6, y) for x, y in ROBOT])
     assert world.status() == 'clear' and world.seconds == math.inf
-    world.place(1.8, [(x + 1.7, y) for x, y in ROBOT])
-    assert world.status() == 'imminent'
+    assert world.place(1.8, [(x + 1.7, y) for x, y in ROBOT]).status() == 'imminent'
     world.place(1.9, [(x + 1.7, y) for x, y in ROBOT[:4]])
     assert world.status() == 'clear' and world.prediction is None
-    world.drive(2.0, 2.1, speed=0.9)
-    assert world.status() == 'imminent'
+    assert world.drive(2.0, 2.1, speed=0.9).status() == 'imminent'
     world.use('robot', min_time_to_collision=0.0)
     assert world.status() == 'clear'
 
@@ -228,11 +208,9 @@ def test_unknown_becomes_clear_only_once_it_is_predicted():
 
 def test_unknown_takes_precedence_over_imminent():
     world = Predicted([AHEAD], min_time_to_collision=2.0)
-    world.drive(0.0, 0.1)
-    assert world.status() == 'imminent'
+    assert world.drive(0.0, 0.1).status() == 'imminent'
     assert world.at(1.2).status() == 'unknown'
-    world.drive(1.3)
-    assert world.status() == 'imminent'
+    assert world.drive(1.3).status() == 'imminent'
 
 
 def walker(time, speed=-1.0, turn=0.0, x=5.0):
@@ -249,14 +227,12 @@ def test_moving_obstacle():
     world.see(0.2, walker(0.2))
     assert world.prediction[:2] == (pytest.approx(1.825, abs=1e-3), ObstacleId('map', 1))
     assert world.prediction.is_known
-    world.see(0.6, walker(0.4), age=0.2)
-    assert world.seconds == pytest.approx(1.425, abs=1e-3)
-    world.drive(0.9)
-    assert world.seconds == pytest.approx(1.125, abs=1e-3)
-    world.monitor.update(replace(world.settings, obstacles=(replace(TRACKS, moving=False), DOCK)))
+    assert world.see(0.6, walker(0.4), age=0.2).seconds == pytest.approx(1.425, abs=1e-3)
+    assert world.drive(0.9).seconds == pytest.approx(1.125, abs=1e-3)
+    world.use('map', moving=False)
     assert world.seconds == pytest.approx(2.75, abs=1e-3) and world.prediction.is_known
     world.see(1.0, walker(1.0))
-    world.monitor.update(world.settings)
+    world.use('map', moving=True)
     assert world.prediction.unknown == (ObstacleId('map', 1),)
 
 
@@ -269,10 +245,8 @@ def test_obstacles_of_unknown_motion_are_listed(next_one):
     world.see(0.1, AHEAD, 2)
     world.see(0.2, AHEAD, 2)
     world.see(0.2, walker(0.2))
-    world.drive(0.1, 0.25)
-    assert world.prediction.is_known
-    world.see(0.3, next_one)
-    assert world.prediction.unknown == (ObstacleId('map', 1),)
+    assert world.drive(0.1, 0.25).prediction.is_known
+    assert world.see(0.3, next_one).prediction.unknown == (ObstacleId('map', 1),)
     assert world.prediction[:2] == (pytest.approx(1.7, abs=1e-3), ObstacleId('map', 2))
     assert world.status() == 'imminent'
 
@@ -284,12 +258,10 @@ def test_motion_of_an_obstacle_begins_anew_when_it_is_tracked_again():
         world.drive(time, speed=0.0)
         world.see(time, box(2.4, -0.5))
     for is_moving in (False, True):
-        world.monitor.update(replace(world.settings, obstacles=(
-            replace(TRACKS, moving=is_moving), DOCK)))
+        world.use('map', moving=is_moving)
         world.see(0.3 + 0.2 * is_moving, box(3.6 - 1.2 * is_moving, -0.5))
     assert ObstacleId('map', 1) in world.prediction.unknown
-    world.see(0.6, box(1.8, -0.5))
-    assert world.seconds == pytest.approx(1.1 / 6.0, abs=1e-3)
+    assert world.see(0.6, box(1.8, -0.5)).seconds == pytest.approx(1.1 / 6.0, abs=1e-3)
 
 
 def test_velocity_of_an_obstacle_is_used_for_two_seconds():
@@ -297,10 +269,8 @@ def test_velocity_of_an_obstacle_is_used_for_two_seconds():
     world = Predicted([walker(0.0), FAR], moving=True, timeout=9.0)
     world.see(0.1, walker(0.1))
     world.see(0.1, FAR, 2)
-    world.drive(2.0, 2.05)
-    assert world.prediction.is_known
-    world.drive(2.15)
-    assert world.prediction.unknown == (ObstacleId('map', 1),)
+    assert world.drive(2.0, 2.05).prediction.is_known
+    assert world.drive(2.15).prediction.unknown == (ObstacleId('map', 1),)
 
 
 def test_slow_obstacle_with_a_fast_footprint_or_a_wide_margin():
@@ -313,8 +283,7 @@ def test_slow_obstacle_with_a_fast_footprint_or_a_wide_margin():
     assert world.seconds == pytest.approx(19.3 / 10.0625 - 0.375, abs=1e-3)
     world = Predicted([[(x - 14.2, y) for x, y in slow(0.0)]], moving=True, margin=5.0)
     world.see(0.25, [(x - 14.2, y) for x, y in slow(0.25)])
-    world.drive(0.25, 0.375, speed=0.0)
-    assert world.seconds == pytest.approx(0.1 * 16 - 0.375, abs=2e-2)
+    assert world.drive(0.25, 0.375, speed=0.0).seconds == pytest.approx(0.1 * 16 - 0.375, abs=2e-2)
 
 
 @pytest.mark.parametrize('seed', [

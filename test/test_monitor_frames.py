@@ -241,8 +241,7 @@ def test_map_is_unknown_while_a_part_of_it_waits():
     assert robot.status() == 'clear'
     robot.see(box(0), 0.0, 'base')
     assert 'waits for the transform' in robot.state().reasons[0]
-    robot.move(0.0, 30.0)
-    assert robot.status() == 'clear'
+    assert robot.move(0.0, 30.0).status() == 'clear'
 
 
 def map_robot(*link, settings=MAP):
@@ -293,8 +292,7 @@ def test_map_follows_a_moving_frame_and_is_unknown_without_it():
     assert 'frame whose transform is too old' in robot.at(1.001).state().reasons[0]
     robot.at(1.2).move(1.1, 40.0, 'site')
     assert robot.status() == 'clear' and robot.seen == [(40, 0, 41, 1)]
-    robot.move(1.2, 0.0, 'site')
-    assert robot.status() == 'collision'
+    assert robot.move(1.2, 0.0, 'site').status() == 'collision'
     robot.at(-3.0).stand(20)
     assert 'is a map in another frame' in robot.state().reasons[0]
 

@@ -33,8 +33,7 @@ def test_message_waits_for_its_transform(robot):
     assert robot.status() == 'collision'
     assert robot.at(1.05).see(box(9), 1.05, 'base') is None
     assert robot.status() == 'collision' and 'lidar' in robot.monitor.waiting
-    robot.at(1.1).move(1.1)
-    assert robot.status() == 'clear' and 'lidar' not in robot.monitor.waiting
+    assert robot.at(1.1).move(1.1).status() == 'clear' and 'lidar' not in robot.monitor.waiting
     assert robot.seen == [pytest.approx((10.05, 0, 11.05, 1))]
 
 
@@ -178,8 +177,7 @@ def test_set_from_the_future_replaces_none_that_waits(frame):
     robot.see(box(0.5), 0.0, 'base')
     robot.see(box(9), 3600.0, frame)
     assert robot.status() == 'unknown' and not robot.reasons
-    robot.move(0.0)
-    assert robot.status() == 'collision' and robot.reasons == ['from the future']
+    assert robot.move(0.0).status() == 'collision' and robot.reasons == ['from the future']
 
 
 def test_map_behind_a_waiting_part_counts_whatever_its_stamp():
@@ -273,8 +271,7 @@ def test_change_of_publishers_waits_for_their_messages():
     robot.see_all(box(9), frame_id='base')
     robot.monitor.update_publishers('lidar', [])
     assert 'has no publisher' not in robot.scene.state('robot').reasons[0]
-    robot.move(0.0)
-    assert robot.seen == [(9, 0, 10, 1)]
+    assert robot.move(0.0).seen == [(9, 0, 10, 1)]
     assert 'has no publisher' in robot.scene.state('robot').reasons[0]
 
 
@@ -284,8 +281,7 @@ def test_messages_of_any_publisher_end_nothing_even_if_they_wait():
     robot.stand(0)
     batch = [serialised(points, robot.now, 'base') for points in ((), box(9), ())]
     robot.monitor.receive_mixed('lidar', batch, robot.now)
-    robot.move(0.0)
-    assert robot.seen == [(9, 0, 10, 1)]
+    assert robot.move(0.0).seen == [(9, 0, 10, 1)]
     assert robot.status() == 'unknown'
     for number, points in ((7, ()), (8, box(8)), (9, ())):
         robot.monitor.receive('lidar', serialised(points, robot.now, 'odom'), robot.now, number)
@@ -332,8 +328,7 @@ def test_change_of_publishers_is_not_dropped_when_time_steps_back():
 def test_disabled_source_drops_waiting_messages(robot):
     robot.at(1.05).see(box(9), 1.05)
     robot.use('lidar', enabled=False)
-    robot.move(1.1)
-    assert robot.seen == [] and not robot.rejections
+    assert robot.move(1.1).seen == [] and not robot.rejections
 
 
 @pytest.mark.parametrize('name', ['lidar', 'robot'])
@@ -346,8 +341,7 @@ def test_what_waited_before_it_was_disabled_never_counts(name):
     robot.use(name, enabled=False)
     robot.send(name, box(0.5), frame_id='base')
     robot.use(name, enabled=True)
-    robot.move(0.0)
-    assert robot.status() == 'unknown'
+    assert robot.move(0.0).status() == 'unknown'
     robot.send(name, box(9))
     assert robot.status() == 'clear'
 
@@ -362,8 +356,7 @@ def test_steps_back_in_time_drop_waiting_messages_and_transforms(robot, steps):
     robot.see((), -2.0)
     robot.see(box(9), 0.0, 'base')
     assert 'lidar' in robot.monitor.waiting
-    robot.move(0.0, 100.0)
-    assert robot.seen == [(109, 0, 110, 1)]
+    assert robot.move(0.0, 100.0).seen == [(109, 0, 110, 1)]
     for time in (1.5, 3.1):
         assert robot.status() == 'unknown'
         robot.at(time).see(box(9), time, 'odom')
@@ -376,5 +369,4 @@ def test_step_back_is_noticed_by_the_first_message(robot):
     robot.time = -0.5
     robot.see(box(9), -0.5, 'base')
     assert robot.seen == [] and 'lidar' in robot.monitor.waiting
-    robot.at(-0.4).move(-0.5, 50.0)
-    assert robot.seen == [(59, 0, 60, 1)]
+    assert robot.at(-0.4).move(-0.5, 50.0).seen == [(59, 0, 60, 1)]

@@ -40,9 +40,10 @@ class Robot(World):
         self.receive_transforms(TF_STATIC, ('base', 'laser', 0, 1.0, 0.0, math.pi / 2))
 
     def move(self, time, x=None, child='base'):
-        """Receive the transform of the base, or of another frame, at a time."""
+        """Receive the transform of the base, or of another frame, now; return the robot."""
         x = time if x is None else x
         self.receive_transforms(TF, ('odom', child, nanoseconds(time), x, 0.0))
+        return self
 
     def stand(self, x, time=None):
         """Send a footprint in the fixed frame."""

@@ -41,7 +41,7 @@ NAMES = ('a', 'map', 'odom', 'größe', 'base_footprint')
 
 
 class Kind(NamedTuple):
-    """A type of message: a valid one in either byte order, and two decoders."""
+    """A type of message: a valid one, which may be given an order, and two decoders."""
 
     good: Callable
     read: Callable
@@ -79,18 +79,6 @@ def points_2d(data, start, count):
     return [*struct.iter_unpack('=2d', data[start:start + 16 * count])]
 
 
-def read_polygon_2d_by_rosbags(data):
-    message = TYPES.deserialize_cdr(data, 'polygon_msgs/msg/Polygon2DStamped')
-    return (stamp_of(message.header), message.header.frame_id,
-            [(point.x, point.y) for point in message.polygon.points])
-
-
-def read_collection_by_rosbags(data):
-    message = TYPES.deserialize_cdr(data, 'polygon_msgs/msg/Polygon2DCollection')
-    return (stamp_of(message.header), message.header.frame_id,
-            [[(point.x, point.y) for point in polygon.points] for polygon in message.polygons])
-
-
 def stamp_of(header):
     return header.stamp.sec * SECOND + header.stamp.nanosec
 
@@ -105,19 +93,27 @@ def read_transforms_by_rosbags(data):
             for one in TYPES.deserialize_cdr(data, TF).transforms]
 
 
+def by_rosbags(name, contents):
+    """Return a decoder of a type: stamp, frame and what a function finds in its message."""
+    def read(data):
+        message = TYPES.deserialize_cdr(data, name)
+        return stamp_of(message.header), message.header.frame_id, contents(message)
+    return read
+
+
+def pairs_of(polygon):
+    return [(point.x, point.y) for point in polygon.points]
+
+
+def twist_of(twist):
+    return twist.linear.x, twist.linear.y, twist.angular.z
+
+
 def read_odometry_by_rosbags(data):
     message = TYPES.deserialize_cdr(data, 'nav_msgs/msg/Odometry')
-    pose, twist = message.pose.pose, message.twist.twist
+    pose = message.pose.pose
     return ((message.header.frame_id, message.child_frame_id, stamp_of(message.header),
-             numbers_of(pose.position, pose.orientation)),
-            (twist.linear.x, twist.linear.y, twist.angular.z))
-
-
-def read_command_by_rosbags(data):
-    message = TYPES.deserialize_cdr(data, 'geometry_msgs/msg/TwistStamped')
-    twist = message.twist
-    return (stamp_of(message.header), message.header.frame_id,
-            (twist.linear.x, twist.linear.y, twist.angular.z))
+             numbers_of(pose.position, pose.orientation)), twist_of(message.twist.twist))
 
 
 def some_links(seed, count):
@@ -141,24 +137,23 @@ def written(*links, order='<'):
 
 
 KINDS = {
-    'polygon': Kind(lambda order='<': serialised(POINTS, STAMP, order=order), read_polygon,
-                    read_by_rclpy),
-    'instance': Kind(lambda order='<': serialised(POINTS, STAMP, instance=-9, order=order),
-                     lambda data: read_polygon(data, True),
-                     lambda data: read_by_rclpy(data, True)),
-    'polygon 2d': Kind(lambda order='<': polygon_2d(PAIRS, STAMP, order=order), read_polygon_2d,
-                       read_polygon_2d_by_rosbags),
-    'collection': Kind(lambda order='<': collection([PAIRS, [], PAIRS[:1]], STAMP, order=order,
-                                                    colors=1),
-                       read_collection, read_collection_by_rosbags),
-    'transforms': Kind(lambda order='<': written(('map', 'odom', STAMP, (0.5,) * 7),
-                                                 *some_links(1, 2), order=order),
+    'polygon': Kind(partial(serialised, POINTS, STAMP), read_polygon, read_by_rclpy),
+    'instance': Kind(partial(serialised, POINTS, STAMP, instance=-9),
+                     partial(read_polygon, with_id=True), partial(read_by_rclpy, with_id=True)),
+    'polygon 2d': Kind(
+        partial(polygon_2d, PAIRS, STAMP), read_polygon_2d,
+        by_rosbags('polygon_msgs/msg/Polygon2DStamped', lambda one: pairs_of(one.polygon))),
+    'collection': Kind(
+        partial(collection, [PAIRS, [], PAIRS[:1]], STAMP, colors=1), read_collection,
+        by_rosbags('polygon_msgs/msg/Polygon2DCollection',
+                   lambda one: [*map(pairs_of, one.polygons)])),
+    'transforms': Kind(partial(written, ('map', 'odom', STAMP, (0.5,) * 7), *some_links(1, 2)),
                        decode_transforms, read_transforms_by_rosbags, 8),
-    'odometry': Kind(lambda order='<': odometry('map', 'base', STAMP, 1.0, 2.0, 3.0, order,
-                                                (0.5, -0.25, 2.0)),
-                     decode_odometry, read_odometry_by_rosbags),
-    'command': Kind(lambda order='<': command(0.5, -0.25, 3.0, STAMP, 'map', order),
-                    decode_command, read_command_by_rosbags)}
+    'odometry': Kind(partial(odometry, 'map', 'base', STAMP, 1.0, 2.0, 3.0,
+                             twist=(0.5, -0.25, 2.0)), decode_odometry, read_odometry_by_rosbags),
+    'command': Kind(
+        partial(command, 0.5, -0.25, 3.0, STAMP, 'map'), decode_command,
+        by_rosbags('geometry_msgs/msg/TwistStamped', lambda one: twist_of(one.twist)))}
 # Larger messages of those kinds that have no fixed size, and what the node reads them with.
 LARGE = {
     'polygon': (serialised(100 * POINTS, STAMP), partial(decode, instance=False)),
@@ -203,7 +198,7 @@ def variants(data, with_bytes=True):
 @EVERY_KIND
 @pytest.mark.parametrize('order', '<>')
 def test_both_byte_orders(kind, order):
-    data = kind.good(order)
+    data = kind.good(order=order)
     assert kind.read(data) == kind.reference(data)
     assert kind.read(data) == kind.read(kind.good())
 

@@ -98,7 +98,7 @@ def test_states_packed_one_by_one_are_one_message():
     """Whatever the lengths of their texts."""
     names = ['r', 'ro', 'rob', 'robo', 'robot']
     states = States('/node', Settings(
-        footprints=tuple(FootprintSettings(name, '/' + name) for name in names), obstacles=()))
+        tuple(FootprintSettings(name, '/' + name) for name in names), obstacles=()))
     for k, name in enumerate(names):
         states.write(name, collision(k, 'e' * k), 0.0)
         states.pack(name)
@@ -131,14 +131,12 @@ def test_points_of_contact_have_position_normal_depth_and_obstacle():
                       (1.0, 0.75, 0.0, -1.0, 0.0, 0.0, 0.0, 0)]
 
 
-def test_depth_within_the_margin_is_minus_the_distance():
-    """The point is still one of the footprint."""
-    points, _ = cloud_of([[(1.25, 0.5)]], margin=0.5)
-    assert points == [(1.0, 0.5, 0.0, -1.0, 0.0, 0.0, -0.25, 0)]
-
-
-def test_cloud_without_contact_is_empty():
-    assert cloud_of([box(9, 9)])[0] == []
+@pytest.mark.parametrize('body, points', [
+    # The depth is minus the distance, and the point still one of the footprint.
+    ([(1.25, 0.5)], [(1.0, 0.5, 0.0, -1.0, 0.0, 0.0, -0.25, 0)]), (box(9, 9), [])],
+    ids=['within the margin', 'apart'])
+def test_points_of_contact_with_a_margin(body, points):
+    assert cloud_of([body], margin=0.5)[0] == points
 
 
 def test_number_of_obstacles_in_a_cloud_is_limited():
@@ -235,19 +233,20 @@ def scene():
         tuple(ObstacleSettings(name, f'/{name}', timeout=100.0, set_end='empty_polygon',
                                assume_no_loss=True) for name in ('map', 'people'))))
     for name in ('map', 'people'):
-        end(scene, name, SECOND // 2)
+        see(scene, name, stamp=SECOND // 2)
     return scene
 
 
-def place(scene, name, points, stamp=SECOND, frame_id='map'):
-    """Put a body where its points are."""
+def place(scene, name, *bodies, stamp=SECOND):
+    """Put a footprint, or some obstacles, where their points are."""
     put = scene.footprint if name in ('a', 'b') else scene.obstacle
-    put(name, Polygon(points).packed if points else None, frame_id, stamp, 9 * SECOND)
+    for points in bodies:
+        put(name, Polygon(points).packed if points else None, 'map', stamp, 9 * SECOND)
 
 
-def end(scene, name='map', stamp=SECOND):
-    """End a set of a source."""
-    place(scene, name, None, stamp)
+def see(scene, name, *bodies, stamp=SECOND):
+    """Put the obstacles of a whole set where their points are."""
+    place(scene, name, *bodies, None, stamp=stamp)
 
 
 def drawn(scene, markers=None):
@@ -279,9 +278,8 @@ def test_footprints_are_green_red_or_grey(scene):
     """Clear, in contact, and unknown."""
     place(scene, 'a', box(0, 0))
     place(scene, 'b', box(5, 5))
-    place(scene, 'map', box(5.5, 5.5))
-    end(scene)
-    end(scene, 'people')
+    see(scene, 'map', box(5.5, 5.5))
+    see(scene, 'people')
     markers = drawn(scene)
     for part in ('fill', 'outline'):
         assert colour(markers[f'a/{part}', 0]) == GREEN
@@ -294,8 +292,7 @@ def test_footprints_are_green_red_or_grey(scene):
 def test_obstacles_are_neutral_or_red(scene):
     """Red in contact."""
     place(scene, 'a', box(0, 0))
-    for points in (box(3, 0), box(1, 0), box(5, 0)):
-        place(scene, 'map', points)
+    place(scene, 'map', box(3, 0), box(1, 0), box(5, 0))
     markers = drawn(scene)
     assert colour(markers['map/fill', 0]) is None and colour(markers['map/fill', 1]) == RED
     assert len(markers['map/outline', 0].points) == 2 * 2 * 4
@@ -333,8 +330,7 @@ def test_contacts_are_marked_and_named(scene):
     """Regions, a point and a segment shared with obstacles."""
     place(scene, 'a', box(0, 0, 2, 2))
     place(scene, 'b', box(5, 0, 2, 2))
-    place(scene, 'map', box(1, 1, 5, 2))
-    place(scene, 'map', [(0, -1), (0, 1)])
+    place(scene, 'map', box(1, 1, 5, 2), [(0, -1), (0, 1)])
     place(scene, 'people', [(0.5, 0.5)])
     markers = drawn(scene)
     regions = xy(markers['contacts/regions', 2]).reshape(-1, 3, 2)
@@ -353,8 +349,7 @@ def test_labels_of_footprints(scene):
     place(scene, 'b', box(5, 5))
     assert {drawn(scene)[f'{name}/name', 0].text for name in 'ab'} == {'a: unknown', 'b: unknown'}
     for name in ('map', 'people'):
-        place(scene, name, box(9, 9))
-        end(scene, name)
+        see(scene, name, box(9, 9))
     text = drawn(scene)['a/name', 0]
     assert text.text == 'a' and colour(text) == GREEN
     assert text.pose.position.x == 0.5 and 1.0 < text.pose.position.y < 1.5
@@ -364,29 +359,24 @@ def test_nearest_pair_and_its_axis(scene):
     """Closest points, distance and separating axis."""
     place(scene, 'a', box(0, 0))
     place(scene, 'b', box(0, 20))
-    place(scene, 'map', box(3, 0.5))
-    place(scene, 'people', box(2, 30))
-    end(scene)
-    end(scene, 'people')
+    see(scene, 'map', box(3, 0.5))
+    see(scene, 'people', box(2, 30))
     markers = drawn(scene)
     assert xy(markers['nearest/points', 2])[:, 0].tolist() == [1, 3]
     assert markers['nearest/distance', 0].text == 'a - map/0: 2 m'
     left, right = xy(markers['nearest/axis', 2])
     assert left[1] == right[1] and left[0] < 1 and right[0] > 3
-    place(scene, 'people', box(0, 21.5), 2 * SECOND)
-    end(scene, 'people', 2 * SECOND)
+    see(scene, 'people', box(0, 21.5), stamp=2 * SECOND)
     assert drawn(scene)['nearest/distance', 0].text == 'b - people/0: 0.5 m'
 
 
 def test_pairs_in_contact_and_unknown_footprints_have_no_axis(scene):
     place(scene, 'a', box(0, 0))
     for k, x in enumerate((1, 0.5), 1):
-        place(scene, 'map', box(x, 0), k * SECOND)
-        end(scene, stamp=k * SECOND)
+        see(scene, 'map', box(x, 0), stamp=k * SECOND)
         assert ('nearest/axis', 2) not in drawn(scene)
-    place(scene, 'map', box(3, 0), 3 * SECOND)
-    end(scene, stamp=3 * SECOND)
-    end(scene, 'people')
+    see(scene, 'map', box(3, 0), stamp=3 * SECOND)
+    see(scene, 'people')
     assert ('nearest/axis', 2) in drawn(scene)
     scene.refuse('people', 'not finite', 9 * SECOND, 9 * SECOND)
     assert ('nearest/axis', 2) not in drawn(scene)
@@ -410,8 +400,7 @@ def test_removed_bodies_are_not_drawn(scene):
 def test_obstacles_of_one_name_are_all_drawn(scene):
     """Those of a set that is not whole yet, beside that of the set before, which touches."""
     place(scene, 'a', box(0, 0))
-    place(scene, 'map', box(0.5, 0))
-    end(scene)
+    see(scene, 'map', box(0.5, 0))
     place(scene, 'map', box(7, 7))
     markers = drawn(scene)
     assert [len(markers['map/outline', touching].points) for touching in (0, 1)] == [8, 8]
@@ -435,15 +424,11 @@ def test_only_the_nearest_of_very_many_obstacles_are_drawn(scene):
     """Drawing all of them would hold up the flags; a text says so."""
     place(scene, 'a', box(1000, 0))
     place(scene, 'b', box(0, 100))
-    spots = [(x, 0) for x in range(MAX_DRAWN - 1)] + [(0, 90), (1000, 0.5)]
-    for spot in spots:
-        place(scene, 'map', [spot])
-    end(scene)
+    see(scene, 'map', *([(x, 0)] for x in range(MAX_DRAWN - 1)), [(0, 90)], [(1000, 0.5)])
     markers = drawn(scene)
     assert markers.pop(('limit/text', 0)).text == f'the {MAX_DRAWN} nearest obstacles are drawn'
     assert len(xy(markers['map/points', 0])) + len(xy(markers['map/points', 1])) == MAX_DRAWN
-    place(scene, 'people', [(5000, 0)])
-    place(scene, 'people', [(0, 95)])
+    place(scene, 'people', [(5000, 0)], [(0, 95)])
     markers = drawn(scene)
     assert xy(markers['people/points', 0]).tolist() == [[0, 95]]
     assert len(xy(markers['map/points', 0])) + len(xy(markers['map/points', 1])) == MAX_DRAWN - 1
@@ -452,9 +437,7 @@ def test_only_the_nearest_of_very_many_obstacles_are_drawn(scene):
 def test_fewer_obstacles_of_many_vertices_are_drawn(scene):
     """And their contacts: each pair of convex parts takes time."""
     place(scene, 'a', box(0, 0))
-    for k in range(40):
-        place(scene, 'map', (shapes.star(64) + 0.01 * k).tolist())
-    end(scene)
+    see(scene, 'map', *((shapes.star(64) + 0.01 * k).tolist() for k in range(40)))
     markers = drawn(scene)
     count = len(markers['map/outline', 1].points) // 256
     assert 10 < count < 40
@@ -469,11 +452,9 @@ def test_fewer_obstacles_of_many_vertices_are_drawn(scene):
 def test_points_of_unchanged_polygons_are_reused(scene):
     markers = Markers()
     place(scene, 'a', box(0, 0))
-    place(scene, 'map', box(7, 7))
-    end(scene)
+    see(scene, 'map', box(7, 7))
     before = drawn(scene, markers)
-    place(scene, 'map', box(8, 7), 2 * SECOND)
-    end(scene, stamp=2 * SECOND)
+    see(scene, 'map', box(8, 7), stamp=2 * SECOND)
     after = drawn(scene, markers)
     assert after['a/fill', 0].points[0] is before['a/fill', 0].points[0]
     assert xy(after['map/outline', 0])[0].tolist() == [8, 7]

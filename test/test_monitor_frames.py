@@ -95,8 +95,7 @@ def test_footprint_without_a_stamp_is_as_old_as_its_transform(robot):
 
 def test_empty_polygon_needs_no_transform(robot):
     robot.at(2.5).see([], 2.5, 'camera')
-    robot.at(4.5).stand(0)
-    assert robot.status() == 'clear' and not robot.rejections
+    assert robot.at(4.5).stand(0).status() == 'clear' and not robot.rejections
 
 
 def test_settings_of_transforms_can_be_changed_live(robot):
@@ -237,8 +236,7 @@ def test_map_is_unknown_while_a_part_of_it_waits():
     """What waits may be in contact."""
     robot = Robot(MAP)
     robot.stand(0)
-    robot.see_all(box(9))
-    assert robot.status() == 'clear'
+    assert robot.see_all(box(9)).status() == 'clear'
     robot.see(box(0), 0.0, 'base')
     assert 'waits for the transform' in robot.state().reasons[0]
     assert robot.move(0.0, 30.0).status() == 'clear'
@@ -249,8 +247,7 @@ def map_robot(*link, settings=MAP):
     robot = Robot(settings)
     robot.stand(0)
     robot.receive_transforms(*link)
-    robot.see_all(box(0), frame_id=link[1][1])
-    assert robot.status() == 'clear'
+    assert robot.see_all(box(0), frame_id=link[1][1]).status() == 'clear'
     return robot
 
 
@@ -258,8 +255,7 @@ def test_map_follows_a_static_frame_that_is_corrected():
     robot = map_robot(TF_STATIC, ('odom', 'site', 0, 50.0, 0.0))
     robot.receive_transforms(TF_STATIC, ('odom', 'site', 0, 0.5, 0.0))
     assert robot.status() == 'collision' and robot.seen == [(0.5, 0, 1.5, 1)]
-    robot.at(9.0).stand(0)
-    assert robot.status() == 'collision'
+    assert robot.at(9.0).stand(0).status() == 'collision'
 
 
 def test_all_of_a_map_follows_when_a_transform_ahead_of_the_clock_comes_to_count():
@@ -287,8 +283,7 @@ def test_part_of_a_map_in_the_fixed_frame_stays():
 def test_map_follows_a_moving_frame_and_is_unknown_without_it():
     """Once the last transform is older than the footprint's timeout, 1 s, and at a reset."""
     robot = map_robot(TF, ('odom', 'site', START, 50.0, 0.0))
-    robot.at(1.0).stand(0)
-    assert robot.status() == 'clear'
+    assert robot.at(1.0).stand(0).status() == 'clear'
     assert 'frame whose transform is too old' in robot.at(1.001).state().reasons[0]
     robot.at(1.2).move(1.1, 40.0, 'site')
     assert robot.status() == 'clear' and robot.seen == [(40, 0, 41, 1)]
@@ -306,8 +301,7 @@ def test_frame_of_a_map_counts_by_the_present_parameters(link, changes, reason):
     robot = map_robot(*link)
     robot.at(0.9).stand(0)
     before = robot.settings
-    robot.use(**changes)
-    assert robot.status() == 'unknown' and reason in robot.state().reasons[0]
+    assert robot.use(**changes).status() == 'unknown' and reason in robot.state().reasons[0]
     robot.monitor.update(before)
     assert robot.status() == 'clear'
 
@@ -317,8 +311,7 @@ def test_enabled_footprints_limit_how_old_the_frame_of_a_map_may_be(enabled, sta
     cart = replace(MAP.footprints[0], name='cart', topic='/cart', timeout=0.2, enabled=enabled)
     robot = map_robot(TF, ('odom', 'site', START, 50.0, 0.0),
                       settings=replace(MAP, footprints=(*MAP.footprints, cart)))
-    robot.at(0.9).stand(0)
-    assert robot.status() == status
+    assert robot.at(0.9).stand(0).status() == status
 
 
 def test_frame_in_which_a_map_was_sent_does_not_matter_for_the_next():
@@ -327,8 +320,7 @@ def test_frame_in_which_a_map_was_sent_does_not_matter_for_the_next():
     robot.at(2.0).stand(0)
     robot.see(box(9), frame_id='odom')
     assert 'too old' in ''.join(robot.state().reasons)
-    robot.see_all()
-    assert robot.status() == 'clear'
+    assert robot.see_all().status() == 'clear'
 
 
 @pytest.mark.parametrize('frame_id, topic, link', [

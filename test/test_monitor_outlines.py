@@ -203,8 +203,7 @@ def test_changed_outline_counts_at_once():
     assert world.move(0.1, 49.0, 0.5).status() == 'clear'
     world.use('robot', points='[[-0.5, -0.5], [1.5, 0.0], [-0.5, 0.5]]')
     assert world.status() == 'collision' and world.state().age == 0.0
-    world.use('robot', points='[[-0.5, -0.5], [0.5, 0.0], [-0.5, 0.5]]')
-    assert world.status() == 'clear'
+    assert world.use('robot', points='[[-0.5, -0.5], [0.5, 0.0], [-0.5, 0.5]]').status() == 'clear'
 
 
 def test_changed_outline_that_cannot_be_placed_is_unknown():
@@ -231,8 +230,7 @@ def test_disabled_outline_is_not_placed():
     world.move(0.1, 1.0)
     world.use('robot', enabled=False)
     assert world.move(0.2, 2.0).status() == 'unknown' and world.monitor.received['robot'] == 1
-    world.use('robot', enabled=True)
-    assert world.status() == 'clear'
+    assert world.use('robot', enabled=True).status() == 'clear'
     assert world.bounds() == (1.5, -0.5, 2.5, 0.5)
 
 
@@ -251,8 +249,7 @@ def test_outline_follows_odometry():
     world = OutlineWorld(BY_ODOMETRY)
     world.receive_odometry(0.1, 1.0, 2.0)
     assert world.bounds() == (0.5, 1.5, 1.5, 2.5) and world.status() == 'clear'
-    world.receive_odometry(0.3, 49.5)
-    assert world.status() == 'collision'
+    assert world.receive_odometry(0.3, 49.5).status() == 'collision'
     assert world.monitor.received['robot'] == 2 and not world.rejections
 
 
@@ -264,8 +261,7 @@ def test_odometry_places_obstacles_in_the_robots_frame():
     world.time = 0.15
     world.send('map', box(0.25), frame_id='base', instance=0)
     assert world.monitor.waiting.counts() == {'map': 1}
-    world.receive_odometry(0.2, 2.0, 2.0)
-    assert world.status() == 'collision'
+    assert world.receive_odometry(0.2, 2.0, 2.0).status() == 'collision'
     (_, polygon), = world.scene.obstacles
     assert polygon.bounds == pytest.approx((1.75, 2.0, 2.75, 3.0), abs=1e-12)
 
@@ -273,8 +269,7 @@ def test_odometry_places_obstacles_in_the_robots_frame():
 def test_odometry_between_other_frames_is_reported():
     world = OutlineWorld(BY_ODOMETRY)
     world.receive_odometry(0.1, 1.0, parent='earth')
-    world.receive_odometry(0.4, 1.0, parent='earth')
-    assert world.status() == 'unknown'
+    assert world.receive_odometry(0.4, 1.0, parent='earth').status() == 'unknown'
     assert world.rejections[0].text.startswith(
         'robot: a message on /odom was rejected, unknown frame: no transform from base to odom: '
         'no good transform has named odom yet, only base, earth; correct the frame_id, ')
@@ -336,8 +331,7 @@ def test_odometry_does_not_move_an_outline_in_a_frame_above_it(frame):
     """The robot moves in odom, and that in the map; neither moves with the robot."""
     world = OutlineWorld(replace(BY_ODOMETRY, frame_id=frame))
     world.receive_transforms(TF_STATIC, ('map', 'odom', 0, 0.0, 0.0))
-    world.receive_odometry(0.1, 1.0)
-    assert world.reasons == ['odometry of another body']
+    assert world.receive_odometry(0.1, 1.0).reasons == ['odometry of another body']
 
 
 PUBLISHED = FootprintSettings('robot', '/robot')

@@ -140,8 +140,7 @@ def test_no_prediction_while_unknown_or_not_requested():
     assert world.drive(0.0, 0.1).seconds < 3
     assert world.at(1.2).status() == 'unknown' and world.prediction is None
     assert world.drive(1.3).seconds == pytest.approx(0.7, abs=1e-3)
-    world.use(enabled=False)
-    assert world.prediction is None
+    assert world.use(enabled=False).prediction is None
 
 
 def test_velocity_is_used_for_two_seconds():
@@ -184,8 +183,7 @@ def test_imminent_ends_when_the_footprint_brakes_or_its_velocity_is_unknown():
     world.place(1.9, [(x + 1.7, y) for x, y in ROBOT[:4]])
     assert world.status() == 'clear' and world.prediction is None
     assert world.drive(2.0, 2.1, speed=0.9).status() == 'imminent'
-    world.use('robot', min_time_to_collision=0.0)
-    assert world.status() == 'clear'
+    assert world.use('robot', min_time_to_collision=0.0).status() == 'clear'
 
 
 def test_unknown_becomes_clear_only_once_it_is_predicted():
@@ -232,8 +230,7 @@ def test_moving_obstacle():
     world.use('map', moving=False)
     assert world.seconds == pytest.approx(2.75, abs=1e-3) and world.prediction.is_known
     world.see(1.0, walker(1.0))
-    world.use('map', moving=True)
-    assert world.prediction.unknown == (ObstacleId('map', 1),)
+    assert world.use('map', moving=True).prediction.unknown == (ObstacleId('map', 1),)
 
 
 @pytest.mark.parametrize('next_one', [

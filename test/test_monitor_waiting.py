@@ -66,8 +66,7 @@ def test_obstacle_that_was_queued_is_not_held_beside_itself(robot):
         robot.move(1.0 + (k - 1) / 20 + 0.01)
         assert 'lidar' in robot.monitor.waiting
         assert len(robot.seen) <= 4
-    robot.stand(0)
-    assert robot.status() == 'clear'
+    assert robot.stand(0).status() == 'clear'
 
 
 def test_obstacle_that_was_refused_does_not_count_while_later_ones_wait(robot):

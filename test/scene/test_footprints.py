@@ -94,14 +94,11 @@ def test_footprint_further_ahead_than_the_tolerance_is_refused():
 def test_footprint_without_a_publisher_is_unknown_at_once():
     """However long its timeout is."""
     stage = clear_stage(UNTIMED_LIDAR, footprints=[UNTIMED_ROBOT])
-    stage.publish_by('a', name='robot')
-    assert stage.status() == 'clear'
-    stage.publish_by(name='robot')
-    assert stage.state().reasons == (
+    assert stage.publish_by('a', name='robot').status() == 'clear'
+    assert stage.publish_by(name='robot').state().reasons == (
         'footprint robot on /footprint has no publisher',
         'footprint robot on /footprint has not been received since its publisher changed')
-    stage.publish_by('b', name='robot')
-    assert stage.status() == 'unknown'
+    assert stage.publish_by('b', name='robot').status() == 'unknown'
     stage.restart('robot')
     stage.robot()
     assert stage.status() == 'clear'
@@ -146,8 +143,7 @@ def test_disabled_footprint_is_unknown_and_ignored():
     assert stage.robot() is None
     stage.refuse(name='robot')
     assert stage.state().reasons == ('footprint robot is disabled',)
-    stage.use('robot', enabled=True)
-    assert stage.state().reasons == (NOT_RECEIVED,)
+    assert stage.use('robot', enabled=True).state().reasons == (NOT_RECEIVED,)
     stage.robot()
     assert stage.status() == 'clear'
 
@@ -174,8 +170,7 @@ def test_release_delay_starts_again_with_each_contact():
     stage.see(0.5)
     assert stage.status() == 'collision'
     for time, x in ((0.1, 5), (0.5, 0.5), (0.6, 5)):
-        stage.at(time).send(x)
-        assert stage.status() == 'collision'
+        assert stage.at(time).send(x).status() == 'collision'
     assert stage.state().contacts == ()
     assert stage.state().reasons == (DELAYED,)
     stage.scene.take_changes()
@@ -195,8 +190,7 @@ def test_brief_contact_restarts_the_release_delay():
 def test_release_delay_applies_to_unknown():
     """The flag does not flicker when a sensor drops out again and again."""
     stage = with_robot(UNTIMED_LIDAR, release_delay=0.5)
-    stage.send(5)
-    assert status_and_reasons(stage) == ('unknown', (DELAYED,))
+    assert status_and_reasons(stage.send(5)) == ('unknown', (DELAYED,))
     assert stage.at(0.5).status() == 'clear'
 
 
@@ -204,12 +198,9 @@ def test_timeout_and_release_delay_can_be_changed_live():
     stage = clear_stage(UNTIMED_LIDAR)
     assert stage.at(1.5).status() == 'unknown'
     stage.use(release_delay=0.5)
-    stage.use('robot', timeout=0.0)
-    assert stage.state().reasons == (DELAYED,)
-    stage.use(release_delay=0.0)
-    assert stage.status() == 'clear'
-    stage.use('robot', timeout=1.0)
-    assert stage.state().reasons == (TOO_OLD,)
+    assert stage.use('robot', timeout=0.0).state().reasons == (DELAYED,)
+    assert stage.use(release_delay=0.0).status() == 'clear'
+    assert stage.use('robot', timeout=1.0).state().reasons == (TOO_OLD,)
 
 
 def test_release_delay_does_not_delay_collision_or_unknown():
@@ -258,14 +249,12 @@ def test_footprint_ignores_sources_that_it_does_not_monitor():
     """The dock is left out while docking and counts again afterwards."""
     stage = stage_of()
     assert stage.status() == 'collision'
-    stage.use('robot', obstacles=('walls',))
-    assert stage.status() == 'clear'
+    assert stage.use('robot', obstacles=('walls',)).status() == 'clear'
     assert stage.scene.nearest('robot')[:2] == (ObstacleId('walls', 0), 6.0)
     stage.robot(0.1)
     stage.see(0.2, name='dock')
     assert stage.status() == 'clear'
-    stage.use('robot', obstacles=())
-    assert stage.state().contacts == (ObstacleId('dock', 0),)
+    assert stage.use('robot', obstacles=()).state().contacts == (ObstacleId('dock', 0),)
     assert stage.scene.nearest('robot')[0] == ObstacleId('dock', 0)
 
 
@@ -273,13 +262,11 @@ def test_contacts_with_monitored_sources():
     """The obstacle moves to the robot, the robot to the obstacle, and the margin grows."""
     stage = stage_of('walls')
     for x, status in ((0.9, 'collision'), (7.0, 'clear')):
-        stage.send(x, name='walls')
-        assert stage.status() == status
+        assert stage.send(x, name='walls').status() == status
     for x, status in ((6.5, 'collision'), (5.8, 'clear')):
         stage.robot(x)
         assert stage.status() == status
-    stage.use(margin=0.5)
-    assert stage.state().contacts == (ObstacleId('walls', 0),)
+    assert stage.use(margin=0.5).state().contacts == (ObstacleId('walls', 0),)
 
 
 def test_faults_of_other_sources_are_ignored():

@@ -24,11 +24,9 @@ def test_map_sent_again_after_its_clock_went_back_is_whole(back):
     stage.send(0.5, 20)
     stage.at(-back).robot()
     assert status_and_reasons(stage) == ('collision', ())
-    stage.send(0.5, 20, stamp=-7200.0)
-    assert status_and_reasons(stage) == ('collision', ())
+    assert status_and_reasons(stage.send(0.5, 20, stamp=-7200.0)) == ('collision', ())
     assert stage.held == {0: 0.5, 1: 20}
-    stage.send(20, 30, stamp=-7201.0)
-    assert status_and_reasons(stage) == ('clear', ())
+    assert status_and_reasons(stage.send(20, 30, stamp=-7201.0)) == ('clear', ())
     assert stage.held == {0: 20, 1: 30}
 
 
@@ -43,16 +41,14 @@ def followed_map():
 def test_map_follows_its_frame():
     """Its static transform is corrected; where it is not valid any more it is not known."""
     stage = followed_map()
-    stage.send(20)
-    assert stage.status() == 'clear' and stage.scene.map_frames('lidar') == {'map2'}
+    assert stage.send(20).status() == 'clear' and stage.scene.map_frames('lidar') == {'map2'}
     stage.scene.follow_frame('lidar', 'map2', lambda sent: square(0.5).packed)
     assert stage.status() == 'collision' and stage.held == {0: 0.5, 1: 20}
     stage.scene.follow_frame('lidar', 'map2', lambda sent: None)
     assert status_and_reasons(stage) == ('unknown', (
         LIDAR_SAYS + 'has not sent a whole map since a part of it is not valid where its frame '
         'has moved',))
-    stage.send(10)
-    assert status_and_reasons(stage) == ('clear', ())
+    assert status_and_reasons(stage.send(10)) == ('clear', ())
 
 
 @pytest.mark.parametrize('pass_by_time', [True, False])
@@ -95,8 +91,7 @@ def test_map_of_which_a_part_was_lost_is_requested_again():
     stage.publish_by('a')
     stage.restart()
     stage.scene.renew('lidar')
-    stage.send(10, 20, 30)
-    assert status_and_reasons(stage) == ('clear', ())
+    assert status_and_reasons(stage.send(10, 20, 30)) == ('clear', ())
     assert sorted(stage.held.values()) == [10, 20, 30]
     assert not stage.scene.wants_history('lidar')
 
@@ -123,8 +118,7 @@ def test_map_of_a_killed_publisher_stays_until_its_lease_ends():
     for publishers, x in (([killed], 0.5), ([killed, respawned], 10)):
         stage.scene.update_publishers('lidar', publishers)
         stage.restart()
-        stage.send(x)
-        assert status_and_reasons(stage) == ('collision', ())
+        assert status_and_reasons(stage.send(x)) == ('collision', ())
     stage.scene.update_publishers('lidar', [respawned])
     assert status_and_reasons(stage) == ('clear', ())
     assert list(stage.held.values()) == [10]
@@ -138,11 +132,9 @@ def test_map_that_now_has_room_is_requested_again(before, after):
     for x in (10, 20):
         stage.see(x, stamp=-100.0)
     assert stage.status() == 'unknown' and not stage.scene.wants_history('lidar')
-    stage.use('lidar', **after)
-    assert stage.status() == 'unknown' and stage.scene.wants_history('lidar')
+    assert stage.use('lidar', **after).status() == 'unknown' and stage.scene.wants_history('lidar')
     stage.scene.renew('lidar')
     stage.restart()
-    stage.send(10, 20, stamp=-100.0)
-    assert status_and_reasons(stage) == ('clear', ())
+    assert status_and_reasons(stage.send(10, 20, stamp=-100.0)) == ('clear', ())
     stage.use('lidar', max_count=20)
     assert not stage.scene.wants_history('lidar'), 'it is known'

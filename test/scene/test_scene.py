@@ -34,8 +34,7 @@ def test_obstacle_moves_into_contact_and_away():
     stage = clear_stage()
     for time, x, status in ((0.1, 5, 'clear'), (0.2, 1, 'collision'), (0.3, 0.3, 'collision'),
                             (0.4, -1.01, 'clear')):
-        stage.at(time).send(x)
-        assert stage.status() == status
+        assert stage.at(time).send(x).status() == status
 
 
 def test_footprint_moves_into_contact_and_away():
@@ -69,8 +68,7 @@ def test_disabled_scene_is_unknown_but_still_receives():
     stage.use(enabled=False)
     stage.see(0.5)
     assert status_and_reasons(stage) == ('unknown', ('checking is disabled',))
-    stage.use(enabled=True)
-    assert stage.status() == 'collision'
+    assert stage.use(enabled=True).status() == 'collision'
 
 
 def test_unknown_until_the_clock_starts():
@@ -114,10 +112,8 @@ def test_clock_that_goes_back_begins_anew(steps):
         for reason in (NOT_RECEIVED, NOTHING_SENT)))
     stage.robot()
     assert stage.status() == 'collision'
-    stage.at(0.5).send(20)
-    assert stage.status() == 'collision', 'what comes was met in its middle'
-    stage.send(20)
-    assert stage.status() == 'collision'
+    assert stage.at(0.5).send(20).status() == 'collision', 'what comes was met in its middle'
+    assert stage.send(20).status() == 'collision'
     assert status_and_reasons(stage.at(0.9991)) == ('clear', ())
 
 
@@ -126,10 +122,8 @@ def test_clock_that_goes_back_by_little_changes_nothing():
     stage = clear_stage(footprints=[UNTIMED_ROBOT])
     assert status_and_reasons(stage.at(-1.0)) == ('clear', ())
     assert stage.state().age == 0.0
-    stage.send(0.5)
-    assert stage.status() == 'collision'
-    stage.send(10)
-    assert stage.status() == 'clear'
+    assert stage.send(0.5).status() == 'collision'
+    assert stage.send(10).status() == 'clear'
 
 
 def test_clock_that_goes_back_is_noticed_by_the_first_message():
@@ -167,8 +161,7 @@ def test_frame_is_that_of_all_footprints_of_the_last_second():
     assert stage.scene.frame_id == 'map'
     stage.robot()
     assert stage.status('robot') == stage.status('cart') == 'unknown'
-    stage.send(10)
-    assert stage.status('robot') == stage.status('cart') == 'clear'
+    assert stage.send(10).status('robot') == stage.status('cart') == 'clear'
 
 
 def test_frame_ignores_footprints_older_than_a_second():

@@ -55,8 +55,7 @@ def test_source_of_which_nothing_can_be_read_is_not_silent():
         stage.at(time).send_garbage()
         assert stage.state().reasons == (useless.format('yet'),)
     stage.send(10)
-    stage.send(10)
-    assert stage.status() == 'clear'
+    assert stage.send(10).status() == 'clear'
     for time in (3.0, 4.0, 4.001):
         stage.at(time).send_garbage()
     assert stage.state().reasons == (useless.format('for longer than its timeout of 2 s'),)
@@ -120,8 +119,7 @@ def test_silent_source_is_unknown_until_all_is_proved_anew(settings):
     assert status_and_reasons(stage.at(2.001)) == ('unknown', (
         SILENT if settings is LIDAR else SILENT.partition(': ')[0],))
     for time, is_known in ((3.0, False), (4.5, False), (6.0, False), (6.001, True)):
-        stage.at(time).send(10)
-        assert status_and_reasons(stage) == (
+        assert status_and_reasons(stage.at(time).send(10)) == (
             ('clear', ()) if is_known or settings is LIDAR else ('unknown', (WITHOUT_A_GAP,)))
 
 
@@ -231,8 +229,7 @@ def test_refused_obstacle_of_a_set_makes_it_not_whole():
     assert stage.held == {0: (9, 10), 1: 30}
     reasons = (REFUSED + 'not finite',)
     assert status_and_reasons(stage) == ('unknown', reasons)
-    stage.send(0.5, name='radar')
-    assert status_and_reasons(stage) == ('collision', reasons)
+    assert status_and_reasons(stage.send(0.5, name='radar')) == ('collision', reasons)
     stage.see(11)
     assert status_and_reasons(stage) == ('collision', reasons)
     stage.end()
@@ -322,14 +319,12 @@ def test_listing_of_a_second_publisher_that_leaves_does_not_count(settings):
     stage = with_robot(settings)
     stage.publish_by('a')
     stage.see(0.5, instance=1)
-    stage.publish_by('a', 'b')
-    assert stage.state().reasons == (
+    assert stage.publish_by('a', 'b').state().reasons == (
         LIDAR_SAYS + 'has 2 publishers, /a and /b, which cannot be told apart: give each a topic '
         'and a name here of its own',)
     stage.restart()
     stage.end()
-    stage.publish_by('a')
-    assert stage.status() == 'collision'
+    assert stage.publish_by('a').status() == 'collision'
     stage.at(2.001).end()
     assert stage.status() == 'unknown'
     for time in (2.001, 4.0, 5.002):
@@ -391,18 +386,15 @@ def test_disabled_source_is_ignored():
     """Its faults do not count; once enabled, all must be proved again."""
     stage = with_robot(LIDAR, RADAR)
     stage.send(0.5)
-    stage.send(50, name='radar')
-    assert stage.status() == 'collision'
-    stage.use('lidar', enabled=False)
-    assert status_and_reasons(stage) == ('clear', ())
+    assert stage.send(50, name='radar').status() == 'collision'
+    assert status_and_reasons(stage.use('lidar', enabled=False)) == ('clear', ())
     assert stage.see(0.5) is None
     stage.refuse()
     stage.lose()
     assert status_and_reasons(stage) == ('clear', ())
     assert [name.source for name, _ in stage.scene.obstacles] == ['radar']
     assert stage.scene.sources['lidar'].summary == 'disabled'
-    stage.use('lidar', enabled=True)
-    assert status_and_reasons(stage) == ('unknown', (NOTHING_SENT,))
+    assert status_and_reasons(stage.use('lidar', enabled=True)) == ('unknown', (NOTHING_SENT,))
     stage.see(0.5)
     assert stage.status() == 'collision'
 
@@ -457,8 +449,7 @@ def test_a_longer_timeout_is_unknown_until_it_has_passed(settings):
     for time in (1.5, 3.0):
         stage.at(time).see(10, instance=1)
     assert status_and_reasons(stage) == ('clear', ())
-    stage.use('lidar', timeout=6.0)
-    assert status_and_reasons(stage) == ('unknown', (
+    assert status_and_reasons(stage.use('lidar', timeout=6.0)) == ('unknown', (
         LIDAR_SAYS + 'has not been received for its timeout of 6 s and future_tolerance, 1 s, '
         'without a gap since its parameters were changed',))
     stage.at(5.0).see(0.5, instance=2)
@@ -489,13 +480,10 @@ def test_timeout_of_sets_can_be_changed_live():
         LIDAR_SAYS + 'has not sent a whole set since its parameters were changed',))
     stage.use('lidar', timeout=5.0)
     assert status_and_reasons(stage) == ('unknown', (SILENT.replace('of 2 s', 'of 5 s'),))
-    stage.use('lidar', timeout=0.0)
-    assert stage.status() == 'unknown' and stage.held == {}
+    assert stage.use('lidar', timeout=0.0).status() == 'unknown' and stage.held == {}
     stage.send()
-    stage.send()
-    assert status_and_reasons(stage) == ('clear', ())
-    stage.use('lidar', timeout=2.0)
-    assert status_and_reasons(stage) == ('clear', ())
+    assert status_and_reasons(stage.send()) == ('clear', ())
+    assert status_and_reasons(stage.use('lidar', timeout=2.0)) == ('clear', ())
 
 
 def test_set_of_which_some_was_too_old_is_not_whole_for_a_longer_timeout():
@@ -505,5 +493,4 @@ def test_set_of_which_some_was_too_old_is_not_whole_for_a_longer_timeout():
     stage.use('lidar', timeout=4.0)
     stage.end(stamp=0.1)
     assert stage.status() == 'unknown'
-    stage.send(10)
-    assert status_and_reasons(stage) == ('clear', ())
+    assert status_and_reasons(stage.send(10)) == ('clear', ())

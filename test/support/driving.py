@@ -40,7 +40,7 @@ class Robot(World):
         self.receive_transforms(TF_STATIC, ('base', 'laser', 0, 1.0, 0.0, math.pi / 2))
 
     def move(self, time, x=None, child='base'):
-        """Receive the transform of the base, or of another frame, now; return the robot."""
+        """Receive the transform of the base, or of another frame, now."""
         x = time if x is None else x
         self.receive_transforms(TF, ('odom', child, nanoseconds(time), x, 0.0))
         return self
@@ -48,6 +48,7 @@ class Robot(World):
     def stand(self, x, time=None):
         """Send a footprint in the fixed frame."""
         assert self.send('robot', box(x), time) is None
+        return self
 
     def see(self, points, time=None, frame_id='laser', instance=1):
         """Send an obstacle, with an id if the source gives ids."""
@@ -58,6 +59,7 @@ class Robot(World):
         """Send a whole set that was seen now."""
         for points in (*polygons, ()):
             self.see(points, None, frame_id)
+        return self
 
     @property
     def seen(self):

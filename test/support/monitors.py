@@ -42,7 +42,11 @@ def nanoseconds(time):
 
 
 class World:
-    """A monitor and its clock; times are seconds since START, rejections are kept."""
+    """
+    A monitor and its clock; times are seconds since START, rejections are kept.
+
+    What happens returns the world, to be asked what follows from it.
+    """
 
     def __init__(self, settings, transforms=True, tracks_motion=False):
         self.settings = settings
@@ -58,7 +62,7 @@ class World:
         return nanoseconds(self.time)
 
     def at(self, time):
-        """Wait until a time; return the world, for what happens or is told then."""
+        """Wait until a time."""
         self.time = time
         self.rejections += self.monitor.advance(self.now)
         self.look_ahead()
@@ -92,18 +96,20 @@ class World:
         self.look_ahead()
 
     def move(self, time, x, y=0.0, yaw=0.0, child='base', parent='odom'):
-        """Receive a transform at its time; return the world."""
+        """Receive a transform at its time."""
         self.at(time).receive_transforms(TF, (parent, child, self.now, x, y, yaw))
         return self
 
     def receive_odometry(self, time, x, y=0.0, yaw=0.0, child='base', parent='odom', **twist):
         """Receive odometry at its time."""
         self.at(time).receive('robot', odometry(parent, child, self.now, x, y, yaw, **twist))
+        return self
 
     def use(self, name='', **changes):
         """Change settings of a footprint or source, or without a name those of all."""
         self.settings = with_changes(self.settings, name, **changes)
         self.rejections += self.monitor.update(self.settings)
+        return self
 
     def state(self, name='robot'):
         return self.scene.state(name)

@@ -63,7 +63,8 @@ class Stage:
 
     By default there is a footprint 'robot', stale after 1 s, and a source 'lidar' of sets that
     end with an empty polygon, silent after 2 s. The messages of each are numbered from 1 on, as
-    by one publisher.
+    by one publisher. What happens returns the stage, to be asked what follows from it; a single
+    message returns why it is refused.
     """
 
     def __init__(self, *sources, footprints=(ROBOT,), start=START, time=0.0, **settings):
@@ -101,9 +102,10 @@ class Stage:
     def publish_by(self, *gids, name='lidar'):
         """Set the current publishers, each of a node of its own."""
         self.scene.update_publishers(name, [Endpoint(gid, f'/{gid}') for gid in gids])
+        return self
 
     def at(self, time):
-        """Wait until a time; return the stage, for what happens or is told then."""
+        """Wait until a time."""
         self.time = time
         self.scene.pass_time(self.now)
         return self
@@ -127,11 +129,13 @@ class Stage:
         for k, x in enumerate(places, 1):
             self.see(x, stamp, name=name, instance=k if has_ids else None)
         self.end(stamp, name)
+        return self
 
     def use(self, name='', **changes):
         """Change settings of a footprint or source, or without a name those of the scene."""
         self.settings = with_changes(self.settings, name, **changes)
         self.scene.update(self.settings)
+        return self
 
     def refuse(self, reason='not finite', stamp=None, name='lidar', instance=None):
         """Send a message that is refused."""

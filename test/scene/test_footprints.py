@@ -14,8 +14,8 @@ from dataclasses import replace
 import pytest
 from sat_collision.scene.obstacles import ObstacleId
 from stage import (
-    CART, clear_stage, known_stage, LIDAR, NOT_RECEIVED, ROBOT, SILENT, Stage, status_and_reasons,
-    TOO_OLD, UNTIMED_LIDAR, UNTIMED_ROBOT, with_robot)
+    CART, clear_stage, known_stage, LIDAR, NOT_RECEIVED, ROBOT, SILENT, Stage, TOO_OLD,
+    UNTIMED_LIDAR, UNTIMED_ROBOT, with_robot)
 
 
 @pytest.mark.parametrize('stamp, end', [(-0.4, 0.6), (1.0, 1.0), ('none', 1.0)])
@@ -25,7 +25,7 @@ def test_footprint_goes_stale_by_its_stamp(stamp, end):
     stage.end()
     assert stage.state().age == pytest.approx(1.0 - end)
     assert stage.at(end).status() == 'clear'
-    assert status_and_reasons(stage.at(end + 0.001)) == ('unknown', (TOO_OLD,))
+    assert stage.at(end + 0.001).told == ('unknown', (TOO_OLD,))
     assert stage.state().age == pytest.approx(1.001)
     stage.robot()
     assert stage.status() == 'clear'
@@ -44,7 +44,7 @@ def test_stale_footprint_in_contact_is_unknown():
 def test_footprint_that_arrives_stale_is_stale_at_once():
     stage = clear_stage(UNTIMED_LIDAR)
     stage.at(2.5).robot(stamp=1.499)
-    assert status_and_reasons(stage) == ('unknown', (TOO_OLD,))
+    assert stage.told == ('unknown', (TOO_OLD,))
     stage.robot(stamp=1.5)
     assert stage.status() == 'clear'
 
@@ -175,7 +175,7 @@ def test_release_delay_starts_again_with_each_contact():
     assert stage.state().reasons == (DELAYED,)
     stage.scene.take_changes()
     assert stage.at(1.099).status() == 'collision' and not stage.scene.take_changes().changed
-    assert status_and_reasons(stage.at(1.1)) == ('clear', ())
+    assert stage.at(1.1).told == ('clear', ())
     assert stage.scene.take_changes().changed == ['robot']
 
 
@@ -190,7 +190,7 @@ def test_brief_contact_restarts_the_release_delay():
 def test_release_delay_applies_to_unknown():
     """The flag does not flicker when a sensor drops out again and again."""
     stage = with_robot(UNTIMED_LIDAR, release_delay=0.5)
-    assert status_and_reasons(stage.send(5)) == ('unknown', (DELAYED,))
+    assert stage.send(5).told == ('unknown', (DELAYED,))
     assert stage.at(0.5).status() == 'clear'
 
 
@@ -282,7 +282,7 @@ def test_faults_of_other_sources_are_ignored():
     stage.at(2.001).refuse(name='dock')
     refused = ('obstacle source dock on /dock has not sent a whole set since a message was '
                'refused: not finite')
-    assert status_and_reasons(stage) == ('clear', ())
+    assert stage.told == ('clear', ())
     assert stage.state('cart').reasons == (SILENT,)
     assert stage.state('all').reasons == (refused, SILENT)
 
@@ -291,4 +291,4 @@ def test_unknown_if_all_monitored_sources_are_disabled():
     """Though another source is enabled and known."""
     stage = stage_of('walls')
     stage.use('walls', enabled=False)
-    assert status_and_reasons(stage) == ('unknown', ('none of its obstacle sources is enabled',))
+    assert stage.told == ('unknown', ('none of its obstacle sources is enabled',))

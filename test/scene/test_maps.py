@@ -14,7 +14,7 @@ from dataclasses import replace
 import pytest
 from sat_collision.scene.obstacle_store import Followed
 from sat_collision.scene.streams import Endpoint
-from stage import LIDAR_SAYS, square, status_and_reasons, UNTIMED_LIDAR, with_robot
+from stage import LIDAR_SAYS, square, UNTIMED_LIDAR, with_robot
 
 
 @pytest.mark.parametrize('back', [0.0, 0.5, 3600.0])
@@ -23,10 +23,10 @@ def test_map_sent_again_after_its_clock_went_back_is_whole(back):
     stage = with_robot(UNTIMED_LIDAR)
     stage.send(0.5, 20)
     stage.at(-back).robot()
-    assert status_and_reasons(stage) == ('collision', ())
-    assert status_and_reasons(stage.send(0.5, 20, stamp=-7200.0)) == ('collision', ())
+    assert stage.told == ('collision', ())
+    assert stage.send(0.5, 20, stamp=-7200.0).told == ('collision', ())
     assert stage.held == {0: 0.5, 1: 20}
-    assert status_and_reasons(stage.send(20, 30, stamp=-7201.0)) == ('clear', ())
+    assert stage.send(20, 30, stamp=-7201.0).told == ('clear', ())
     assert stage.held == {0: 20, 1: 30}
 
 
@@ -45,10 +45,10 @@ def test_map_follows_its_frame():
     stage.scene.follow_frame('lidar', 'map2', lambda sent: square(0.5).packed)
     assert stage.status() == 'collision' and stage.held == {0: 0.5, 1: 20}
     stage.scene.follow_frame('lidar', 'map2', lambda sent: None)
-    assert status_and_reasons(stage) == ('unknown', (
+    assert stage.told == ('unknown', (
         LIDAR_SAYS + 'has not sent a whole map since a part of it is not valid where its frame '
         'has moved',))
-    assert status_and_reasons(stage.send(10)) == ('clear', ())
+    assert stage.send(10).told == ('clear', ())
 
 
 @pytest.mark.parametrize('pass_by_time', [True, False])
@@ -57,12 +57,12 @@ def test_map_in_a_frame_that_is_not_known_is_not_known(pass_by_time):
     stage = followed_map()
     stage.end()
     stage.scene.limit_frames('lidar', {'map2': ('', stage.stamp(5.0))})
-    assert status_and_reasons(stage.at(5.0)) == ('clear', ())
+    assert stage.at(5.0).told == ('clear', ())
     stage.at(5.001 if pass_by_time else -5.0).robot()
-    assert status_and_reasons(stage) == (
+    assert stage.told == (
         'unknown', (LIDAR_SAYS + 'is a map in a frame whose transform is too old',))
     stage.scene.limit_frames('lidar', {'map2': ('', stage.stamp(60.0))})
-    assert status_and_reasons(stage) == ('clear', ())
+    assert stage.told == ('clear', ())
 
 
 def test_open_update_of_a_map_makes_it_unknown_though_the_clock_goes_back():
@@ -72,7 +72,7 @@ def test_open_update_of_a_map_makes_it_unknown_though_the_clock_goes_back():
         stage.send(10)
         stage.see(20)
         stage.at(back).robot()
-        assert status_and_reasons(stage) == ('unknown', (
+        assert stage.told == ('unknown', (
             LIDAR_SAYS + 'has not sent a whole map since it began to send another one',))
 
 
@@ -91,7 +91,7 @@ def test_map_of_which_a_part_was_lost_is_requested_again():
     stage.publish_by('a')
     stage.restart()
     stage.scene.renew('lidar')
-    assert status_and_reasons(stage.send(10, 20, 30)) == ('clear', ())
+    assert stage.send(10, 20, 30).told == ('clear', ())
     assert sorted(stage.held.values()) == [10, 20, 30]
     assert not stage.scene.wants_history('lidar')
 
@@ -101,13 +101,13 @@ def test_map_stays_until_a_new_publisher_sends_a_whole_one():
     stage.publish_by('a')
     stage.send(0.5)
     stage.publish_by()
-    assert status_and_reasons(stage.at(100.0)) == ('collision', (LIDAR_SAYS + 'has no publisher',))
+    assert stage.at(100.0).told == ('collision', (LIDAR_SAYS + 'has no publisher',))
     stage.publish_by('b')
     stage.restart()
     stage.see(10)
     assert stage.status() == 'collision'
     stage.end()
-    assert status_and_reasons(stage) == ('clear', ())
+    assert stage.told == ('clear', ())
     assert list(stage.held.values()) == [10]
 
 
@@ -118,9 +118,9 @@ def test_map_of_a_killed_publisher_stays_until_its_lease_ends():
     for publishers, x in (([killed], 0.5), ([killed, respawned], 10)):
         stage.scene.update_publishers('lidar', publishers)
         stage.restart()
-        assert status_and_reasons(stage.send(x)) == ('collision', ())
+        assert stage.send(x).told == ('collision', ())
     stage.scene.update_publishers('lidar', [respawned])
-    assert status_and_reasons(stage) == ('clear', ())
+    assert stage.told == ('clear', ())
     assert list(stage.held.values()) == [10]
 
 
@@ -135,6 +135,6 @@ def test_map_that_now_has_room_is_requested_again(before, after):
     assert stage.use('lidar', **after).status() == 'unknown' and stage.scene.wants_history('lidar')
     stage.scene.renew('lidar')
     stage.restart()
-    assert status_and_reasons(stage.send(10, 20, stamp=-100.0)) == ('clear', ())
+    assert stage.send(10, 20, stamp=-100.0).told == ('clear', ())
     stage.use('lidar', max_count=20)
     assert not stage.scene.wants_history('lidar'), 'it is known'

@@ -18,7 +18,7 @@ from sat_collision.scene.scene import OVERTAKEN
 from sat_collision.scene.sources import TOO_OLD as OLD_OBSTACLE
 from stage import (
     CART, clear_stage, EVERY_KIND, LIDAR, NOT_RECEIVED, NOTHING_SENT, POLYGONS, RADAR, REFUSED,
-    ROBOT, Stage, status_and_reasons, TOO_OLD, UNTIMED_LIDAR, UNTIMED_ROBOT)
+    ROBOT, Stage, TOO_OLD, UNTIMED_LIDAR, UNTIMED_ROBOT)
 
 
 def changed(stage):
@@ -67,7 +67,7 @@ def test_disabled_scene_is_unknown_but_still_receives():
     stage = clear_stage()
     stage.use(enabled=False)
     stage.see(0.5)
-    assert status_and_reasons(stage) == ('unknown', ('checking is disabled',))
+    assert stage.told == ('unknown', ('checking is disabled',))
     assert stage.use(enabled=True).status() == 'collision'
 
 
@@ -107,20 +107,20 @@ def test_clock_that_goes_back_begins_anew(steps):
         assert stage.status() == 'collision'
         stage.at(time)
     assert stage.scene.footprints == []
-    assert status_and_reasons(stage) == ('unknown', tuple(
+    assert stage.told == ('unknown', tuple(
         reason.replace('yet', 'since the clock was set')
         for reason in (NOT_RECEIVED, NOTHING_SENT)))
     stage.robot()
     assert stage.status() == 'collision'
     assert stage.at(0.5).send(20).status() == 'collision', 'what comes was met in its middle'
     assert stage.send(20).status() == 'collision'
-    assert status_and_reasons(stage.at(0.9991)) == ('clear', ())
+    assert stage.at(0.9991).told == ('clear', ())
 
 
 def test_clock_that_goes_back_by_little_changes_nothing():
     """By no more than future_tolerance; ages stop at 0."""
     stage = clear_stage(footprints=[UNTIMED_ROBOT])
-    assert status_and_reasons(stage.at(-1.0)) == ('clear', ())
+    assert stage.at(-1.0).told == ('clear', ())
     assert stage.state().age == 0.0
     assert stage.send(0.5).status() == 'collision'
     assert stage.send(10).status() == 'clear'
@@ -181,7 +181,7 @@ def test_first_footprint_sets_the_frame():
     assert stage.scene.frame_id == 'odom'
     assert stage.see(0.5, frame='map') == 'other frame'
     stage.end()
-    assert status_and_reasons(stage) == ('unknown', (REFUSED + 'other frame',))
+    assert stage.told == ('unknown', (REFUSED + 'other frame',))
     stage.at(0.1).see(0.5, frame='odom')
     assert stage.status() == 'collision'
 

@@ -21,8 +21,7 @@ from sat_collision.scene.settings import NEVER, Settings
 from sat_collision.scene.sources import Source, TOO_OLD
 from stage import (
     CART, EVERY_KIND, INSTANCES, known_stage, LIDAR, LIDAR_SAYS, NOTHING_SENT, pass_by, POLYGONS,
-    RADAR, REFRESHED, REFUSED, SILENT, square, Stage, status_and_reasons, UNTIMED_LIDAR,
-    UNTIMED_ROBOT, with_robot)
+    RADAR, REFRESHED, REFUSED, SILENT, square, Stage, UNTIMED_LIDAR, UNTIMED_ROBOT, with_robot)
 
 NEW_STAMP = replace(POLYGONS, set_end='new_stamp')
 EACH_MESSAGE = replace(POLYGONS, set_end='each_message')
@@ -44,7 +43,7 @@ def test_contact_stays_though_each_polygon_has_a_stamp_of_its_own(settings):
             stage.see(0.5 if settings is EACH_MESSAGE else (0.5, 10, 20)[k % 4 - 1])
         elif settings is not EACH_MESSAGE:
             stage.end()
-        seen.add(status_and_reasons(stage))
+        seen.add(stage.told)
     assert ('collision', ()) in seen and {status for status, _ in seen} == {'collision'}
 
 
@@ -78,7 +77,7 @@ def test_mark_is_not_refused_for_its_frame_nor_for_its_stamp():
         stage.see(10)
         assert stage.scene.obstacle('lidar', None, 'nowhere', stage.stamp(stamp), stage.now,
                                     number=stage.number('lidar')) is None
-        assert status_and_reasons(stage) == ('clear', ())
+        assert stage.told == ('clear', ())
 
 
 # --- age and silence
@@ -112,14 +111,14 @@ def test_set_expires_with_its_oldest_obstacle(batches, timeout, expires):
 def test_silent_source_is_unknown_until_all_is_proved_anew(settings):
     """Also before its first message."""
     stage = with_robot(settings)
-    assert status_and_reasons(stage.at(10.0)) == ('unknown', (NOTHING_SENT,))
+    assert stage.at(10.0).told == ('unknown', (NOTHING_SENT,))
     stage = known_stage(settings)
     stage.send(10)
     assert stage.at(2.0).status() == 'clear'
-    assert status_and_reasons(stage.at(2.001)) == ('unknown', (
+    assert stage.at(2.001).told == ('unknown', (
         SILENT if settings is LIDAR else SILENT.partition(': ')[0],))
     for time, is_known in ((3.0, False), (4.5, False), (6.0, False), (6.001, True)):
-        assert status_and_reasons(stage.at(time).send(10)) == (
+        assert stage.at(time).send(10).told == (
             ('clear', ()) if is_known or settings is LIDAR else ('unknown', (WITHOUT_A_GAP,)))
 
 
@@ -140,7 +139,7 @@ def test_obstacle_times_out_even_if_the_reasons_stay_the_same():
     assert stage.at(1.9).status() == 'collision'
     reasons = stage.state().reasons
     stage.see(10)
-    assert status_and_reasons(stage.at(1.901)) == ('unknown', reasons)
+    assert stage.at(1.901).told == ('unknown', reasons)
 
 
 @EVERY_KIND
@@ -152,7 +151,7 @@ def test_messages_past_their_timeout_prove_nothing(settings):
         assert stage.see(0.5, stamp, instance=1) == TOO_OLD
         stage.end(stamp)
     assert stage.held == {}
-    assert status_and_reasons(stage) == ('unknown', (
+    assert stage.told == ('unknown', (
         LIDAR_SAYS + 'has sent nothing of use for longer than its timeout of 2 s: its stamps are '
         'older than that',))
 
@@ -179,7 +178,7 @@ def test_stamp_further_ahead_than_the_tolerance_is_refused(settings):
     assert stage.status() == 'unknown' and FROM_FUTURE in stage.state().reasons[0]
     for time in (1.5, 3.0, 3.1):
         stage.at(time).send(10)
-    assert status_and_reasons(stage) == ('clear', ())
+    assert stage.told == ('clear', ())
 
 
 @EVERY_KIND
@@ -198,7 +197,7 @@ def test_stamps_that_fall_by_more_than_the_timeout_begin_anew(settings):
     assert [stage.at(time).status() for time in (3.0, 3.001)] == ['collision', 'unknown']
     for time in (3.1, 4.6, 6.1, 6.101):
         stage.at(time).send(10)
-    assert status_and_reasons(stage) == ('clear', ())
+    assert stage.told == ('clear', ())
 
 
 @EVERY_KIND
@@ -208,11 +207,11 @@ def test_clock_that_went_back_by_much_begins_anew(settings):
     stage.send(0.5)
     stage.at(-600.0).robot()
     assert [stage.at(time).status() for time in (-600.0, -598.0)] == 2 * ['collision']
-    assert status_and_reasons(stage.at(-597.999)) == ('unknown', (
+    assert stage.at(-597.999).told == ('unknown', (
         NOTHING_SENT.replace('yet', 'since the clock was set'),))
     for time in (-597.0, -595.5, -594.0, -593.999):
         stage.at(time).send(10)
-    assert status_and_reasons(stage) == ('clear', ())
+    assert stage.told == ('clear', ())
 
 
 # --- refused
@@ -228,12 +227,12 @@ def test_refused_obstacle_of_a_set_makes_it_not_whole():
     stage.end()
     assert stage.held == {0: (9, 10), 1: 30}
     reasons = (REFUSED + 'not finite',)
-    assert status_and_reasons(stage) == ('unknown', reasons)
-    assert status_and_reasons(stage.send(0.5, name='radar')) == ('collision', reasons)
+    assert stage.told == ('unknown', reasons)
+    assert stage.send(0.5, name='radar').told == ('collision', reasons)
     stage.see(11)
-    assert status_and_reasons(stage) == ('collision', reasons)
+    assert stage.told == ('collision', reasons)
     stage.end()
-    assert status_and_reasons(stage) == ('collision', ())
+    assert stage.told == ('collision', ())
 
 
 def test_obstacle_counts_as_long_as_the_last_whole_set_though_another_is_refused():
@@ -266,9 +265,9 @@ def test_gap_makes_a_source_unknown_until_all_was_sent_again(settings, what, cau
     getattr(stage, what)()
     for time in (0.0, 1.5, 3.0):
         stage.at(time).see(10, instance=1)
-        assert status_and_reasons(stage) == ('unknown', (f'{WITHOUT_A_GAP} since {cause}',))
+        assert stage.told == ('unknown', (f'{WITHOUT_A_GAP} since {cause}',))
     stage.at(3.001).see(10, instance=1)
-    assert status_and_reasons(stage) == ('clear', ())
+    assert stage.told == ('clear', ())
 
 
 @EVERY_KIND
@@ -294,7 +293,7 @@ def test_lost_footprints_are_only_counted():
     stage = known_stage(LIDAR)
     stage.lose(name='robot')
     stage.robot()
-    assert status_and_reasons(stage) == ('clear', ())
+    assert stage.told == ('clear', ())
     assert stage.scene.lost() == {'robot': 1}
 
 
@@ -329,7 +328,7 @@ def test_listing_of_a_second_publisher_that_leaves_does_not_count(settings):
     assert stage.status() == 'unknown'
     for time in (2.001, 4.0, 5.002):
         stage.at(time).send(10)
-    assert status_and_reasons(stage) == ('clear', ())
+    assert stage.told == ('clear', ())
 
 
 @pytest.mark.parametrize('settings', [LIDAR, INSTANCES, POLYGONS, EACH_MESSAGE, UNTIMED_LIDAR])
@@ -338,7 +337,7 @@ def test_batch_of_any_publisher_counts_and_ends_nothing(settings):
     stage = with_robot(settings, time=-3.001)
     pass_by(stage, -1.5, 0.0)
     stage.see(0.5, instance=1)
-    assert status_and_reasons(stage) == ('collision', ())
+    assert stage.told == ('collision', ())
     stage.scene.mix('lidar', True)
     stage.restart()
     stage.see(10, instance=1)
@@ -376,7 +375,7 @@ def test_obstacle_behind_one_that_waits_counts_at_once():
         stage.scene.receive_early('lidar', square(0.5).packed, stage.now, 2, None, None)
         assert stage.status() == 'collision'
         stage.scene.wait('lidar', NEVER)
-        assert status_and_reasons(stage) == ('clear', ())
+        assert stage.told == ('clear', ())
 
 
 # --- settings
@@ -387,21 +386,21 @@ def test_disabled_source_is_ignored():
     stage = with_robot(LIDAR, RADAR)
     stage.send(0.5)
     assert stage.send(50, name='radar').status() == 'collision'
-    assert status_and_reasons(stage.use('lidar', enabled=False)) == ('clear', ())
+    assert stage.use('lidar', enabled=False).told == ('clear', ())
     assert stage.see(0.5) is None
     stage.refuse()
     stage.lose()
-    assert status_and_reasons(stage) == ('clear', ())
+    assert stage.told == ('clear', ())
     assert [name.source for name, _ in stage.scene.obstacles] == ['radar']
     assert stage.scene.sources['lidar'].summary == 'disabled'
-    assert status_and_reasons(stage.use('lidar', enabled=True)) == ('unknown', (NOTHING_SENT,))
+    assert stage.use('lidar', enabled=True).told == ('unknown', (NOTHING_SENT,))
     stage.see(0.5)
     assert stage.status() == 'collision'
 
 
 def test_unknown_if_no_source_is_enabled():
     stage = with_robot(replace(LIDAR, enabled=False))
-    assert status_and_reasons(stage) == ('unknown', ('no obstacle source is enabled',))
+    assert stage.told == ('unknown', ('no obstacle source is enabled',))
 
 
 @EVERY_KIND
@@ -448,14 +447,14 @@ def test_a_longer_timeout_is_unknown_until_it_has_passed(settings):
     stage.see(0.5, instance=2)
     for time in (1.5, 3.0):
         stage.at(time).see(10, instance=1)
-    assert status_and_reasons(stage) == ('clear', ())
-    assert status_and_reasons(stage.use('lidar', timeout=6.0)) == ('unknown', (
+    assert stage.told == ('clear', ())
+    assert stage.use('lidar', timeout=6.0).told == ('unknown', (
         LIDAR_SAYS + 'has not been received for its timeout of 6 s and future_tolerance, 1 s, '
         'without a gap since its parameters were changed',))
     stage.at(5.0).see(0.5, instance=2)
     assert stage.status() == 'collision'
     pass_by(stage, 10.0, 11.5)
-    assert status_and_reasons(stage) == ('clear', ())
+    assert stage.told == ('clear', ())
 
 
 @REFRESHED
@@ -464,9 +463,9 @@ def test_a_shorter_timeout_forgets_sooner_and_all_stays_known(settings):
     stage.use('lidar', timeout=0.1)
     stage.at(0.1).see(0.5, instance=1)
     stage.at(0.2).see(10, instance=2)
-    assert status_and_reasons(stage) == ('collision', ())
+    assert stage.told == ('collision', ())
     pass_by(stage, 0.204)
-    assert status_and_reasons(stage) == ('clear', ())
+    assert stage.told == ('clear', ())
 
 
 def test_timeout_of_sets_can_be_changed_live():
@@ -476,14 +475,14 @@ def test_timeout_of_sets_can_be_changed_live():
     stage.at(1.5)
     stage.use('lidar', timeout=10.0)
     stage.send(0.5)
-    assert status_and_reasons(stage.at(9.0)) == ('collision', (
+    assert stage.at(9.0).told == ('collision', (
         LIDAR_SAYS + 'has not sent a whole set since its parameters were changed',))
     stage.use('lidar', timeout=5.0)
-    assert status_and_reasons(stage) == ('unknown', (SILENT.replace('of 2 s', 'of 5 s'),))
+    assert stage.told == ('unknown', (SILENT.replace('of 2 s', 'of 5 s'),))
     assert stage.use('lidar', timeout=0.0).status() == 'unknown' and stage.held == {}
     stage.send()
-    assert status_and_reasons(stage.send()) == ('clear', ())
-    assert status_and_reasons(stage.use('lidar', timeout=2.0)) == ('clear', ())
+    assert stage.send().told == ('clear', ())
+    assert stage.use('lidar', timeout=2.0).told == ('clear', ())
 
 
 def test_set_of_which_some_was_too_old_is_not_whole_for_a_longer_timeout():
@@ -493,4 +492,4 @@ def test_set_of_which_some_was_too_old_is_not_whole_for_a_longer_timeout():
     stage.use('lidar', timeout=4.0)
     stage.end(stamp=0.1)
     assert stage.status() == 'unknown'
-    assert status_and_reasons(stage.send(10)) == ('clear', ())
+    assert stage.send(10).told == ('clear', ())

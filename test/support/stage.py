@@ -153,6 +153,11 @@ class Stage:
         return self.scene.state(name).status.value
 
     @property
+    def told(self):
+        """The status of the robot in a word, and the reasons."""
+        return self.status(), self.state().reasons
+
+    @property
     def held(self):
         """The x of all obstacles by key: sorted values if two sets have one."""
         places = {}
@@ -182,7 +187,7 @@ def known_stage(*sources, **settings):
     """Return a stage whose source is known and empty, so that the robot is clear."""
     stage = with_robot(*sources, time=-3.001, **settings)
     pass_by(stage, -1.5, 0.0)
-    assert status_and_reasons(stage) == ('clear', ())
+    assert stage.told == ('clear', ())
     return stage
 
 
@@ -190,8 +195,3 @@ def pass_by(stage, *times):
     """Let the publisher of the lidar show that it is alive, now and at some times."""
     for time in (stage.time, *times):
         stage.at(time).end()
-
-
-def status_and_reasons(stage):
-    """Return the status in a word, and the reasons."""
-    return stage.status(), stage.state().reasons

@@ -11,6 +11,7 @@
 
 import doctest
 from fractions import Fraction
+from functools import partial
 import importlib
 from io import StringIO
 import os
@@ -167,24 +168,25 @@ def test_geometries_of_arrays_are_accepted():
         assert intersects(Geometry({'type': kind, 'coordinates': at}), [(0, 0)])
 
 
-@pytest.mark.parametrize('holes', [[[(0.5, 0.5), (1, 0.5), (1, 1)]], True])
-def test_holes_as_a_second_argument_are_refused(holes):
-    """As shapely.Polygon accepts them."""
-    with pytest.raises(TypeError, match='max_vertices has to be an integer.*holes'):
-        Polygon(SQUARE, holes)
-
-
-def test_motion_of_a_polygon_object_is_refused():
-    """Its vertices are reordered, so those of two poses may not match."""
-    with pytest.raises(PolygonError, match='a Polygon, which has dropped and reordered vertices'):
-        time_of_contact(Polygon(SQUARE), Polygon(SQUARE), SQUARE, SQUARE)
-
-
-@pytest.mark.parametrize('margin', [-1.0, -1e-300, float('nan'), -10 ** 400])
-def test_invalid_margin_is_refused(margin):
-    """Even if nothing would be found."""
-    with pytest.raises(ValueError, match='margin .* 0 or more'):
-        PolygonSet([SQUARE]).rows_within([(9, 9)], margin)
+@pytest.mark.parametrize('use, error, words', [
+    # Holes as a second argument, as shapely.Polygon accepts them.
+    *((partial(Polygon, SQUARE, holes), TypeError, 'max_vertices has to be an integer.*holes')
+      for holes in ([[(0.5, 0.5), (1, 0.5), (1, 1)]], True)),
+    # Vertices of a Polygon are reordered, so those of two poses may not match.
+    (partial(time_of_contact, Polygon(SQUARE), Polygon(SQUARE), SQUARE, SQUARE), PolygonError,
+     'a Polygon, which has dropped and reordered vertices'),
+    # Even if nothing would be found.
+    *((partial(PolygonSet([SQUARE]).rows_within, [(9, 9)], margin), ValueError,
+       'margin .* 0 or more') for margin in (-1.0, -1e-300, float('nan'), -10 ** 400)),
+    # It is not taken as a set of its vertices.
+    *((partial(use, *[one] * count), TypeError,
+       'one Polygon, but a set is made of several bodies')
+      for one in (Polygon(SQUARE), shapely.Polygon(SQUARE))
+      for use, count in ((PolygonSet, 1), (partial(intersects_many, SQUARE), 1),
+                         (separations, 2)))])
+def test_misuse_is_refused(use, error, words):
+    with pytest.raises(error, match=words):
+        use()
 
 
 @pytest.mark.parametrize('number', [np.float16, np.float32, np.longdouble, Fraction])
@@ -217,12 +219,3 @@ def test_what_is_no_number_is_refused(value):
             ('margin', lambda: obstacles.rows_within(SQUARE, value))]:
         with pytest.raises(ValueError, match=f'{name} .* has to be a number'):
             use()
-
-
-@pytest.mark.parametrize('one', [Polygon(SQUARE), shapely.Polygon(SQUARE)])
-def test_one_body_instead_of_several_is_refused(one):
-    """It is not taken as a set of its vertices."""
-    for use in (PolygonSet, lambda body: intersects_many(SQUARE, body),
-                lambda body: separations(body, body)):
-        with pytest.raises(TypeError, match='one Polygon, but a set is made of several bodies'):
-            use(one)

@@ -19,15 +19,23 @@ from sat_collision.scene.obstacles import Obstacle
 from stage import CART, INSTANCES, ROBOT, square, with_robot
 
 
+class Squares(Contacts):
+    """Contacts of unit squares on a line."""
+
+    def put(self, *places):
+        """Place bodies where their x is."""
+        for body, x in places:
+            place = self.place_footprint if isinstance(body, Footprint) else self.place_obstacle
+            place(body, square(x).packed)
+
+
 @pytest.fixture
 def contacts():
-    """Return contacts without any bodies."""
-    return Contacts()
+    return Squares()
 
 
 @pytest.fixture
 def robot():
-    """Return a footprint that has not been placed yet."""
     return Footprint(ROBOT)
 
 
@@ -40,48 +48,44 @@ def obstacles(contacts, count):
 def test_contact_is_recorded_on_both_sides(contacts, robot):
     """An obstacle is placed onto the footprint, then the footprint onto another obstacle."""
     near, far = obstacles(contacts, 2)
-    contacts.place_footprint(robot, square(0).packed)
-    contacts.place_obstacle(near, square(0.5).packed)
-    contacts.place_obstacle(far, square(5).packed)
+    contacts.put((robot, 0), (near, 0.5), (far, 5))
     assert (robot.contacts, near.contacts, far.contacts) == ({near}, {robot}, set())
-    contacts.place_footprint(robot, square(4.5).packed)
+    contacts.put((robot, 4.5))
     assert (robot.contacts, near.contacts, far.contacts) == ({far}, set(), {robot})
 
 
 def test_changed_are_footprints_that_gained_or_lost_a_contact(contacts, robot):
     cart = Footprint(CART)
     person, = obstacles(contacts, 1)
-    contacts.place_footprint(robot, square(0).packed)
-    contacts.place_footprint(cart, square(10).packed)
+    contacts.put((robot, 0), (cart, 10))
     assert contacts.changed == set()
     for x, changed in ((0.5, {robot}), (0.6, set()), (9.5, {robot, cart}), (20, {cart}),
                        (21, set())):
         contacts.changed.clear()
-        contacts.place_obstacle(person, square(x).packed)
+        contacts.put((person, x))
         assert contacts.changed == changed
 
 
 def test_placing_a_body_where_it_already_is_changes_nothing(contacts):
     person, = obstacles(contacts, 1)
-    contacts.place_obstacle(person, square(1).packed)
+    contacts.put((person, 1))
     polygon = person.polygon
-    contacts.place_obstacle(person, square(1).packed)
+    contacts.put((person, 1))
     assert person.polygon is polygon
-    contacts.place_obstacle(person, square(2).packed)
+    contacts.put((person, 2))
     assert person.polygon.bounds == (2, 0, 3, 1)
 
 
 def test_row_that_another_source_takes_is_monitored_by_that(contacts):
     """An obstacle takes the row of one that was removed."""
     robot = Footprint(replace(ROBOT, obstacles=('tracks',)))
-    contacts.place_footprint(robot, square(0).packed)
+    contacts.put((robot, 0))
     other, = obstacles(contacts, 1)
-    contacts.place_obstacle(other, square(2).packed)
+    contacts.put((other, 2))
     assert contacts.nearest(robot) is None
     contacts.remove_obstacle(other)
     track = Obstacle(KeyedGroup(ObstacleStore('tracks', contacts)), 'tracks', 1)
-    contacts.place_obstacle(track, square(3).packed)
-    contacts.place_obstacle(other, square(2).packed)
+    contacts.put((track, 3), (other, 2))
     assert contacts.nearest(robot)[:2] == (track, 2.0)
     assert contacts.nearest(robot, [track]) is None
 
@@ -89,9 +93,7 @@ def test_row_that_another_source_takes_is_monitored_by_that(contacts):
 def test_removed_body_has_no_contacts_and_no_polygon(contacts, robot):
     """Removing a body twice is harmless."""
     person, wall = obstacles(contacts, 2)
-    contacts.place_footprint(robot, square(0).packed)
-    contacts.place_obstacle(person, square(0.5).packed)
-    contacts.place_obstacle(wall, square(-0.5).packed)
+    contacts.put((robot, 0), (person, 0.5), (wall, -0.5))
     contacts.changed.clear()
     contacts.remove_obstacle(person)
     assert (robot.contacts, person.contacts, person.polygon) == ({wall}, set(), None)
@@ -107,11 +109,10 @@ def test_removed_body_has_no_contacts_and_no_polygon(contacts, robot):
 def test_row_of_a_removed_body_is_reused_for_another(contacts, robot):
     """Even if the new body has the same vertices as the removed one."""
     gone, came = obstacles(contacts, 2)
-    contacts.place_footprint(robot, square(0).packed)
-    contacts.place_obstacle(gone, square(0.5).packed)
+    contacts.put((robot, 0), (gone, 0.5))
     row = gone.row
     contacts.remove_obstacle(gone)
-    contacts.place_obstacle(came, square(0.5).packed)
+    contacts.put((came, 0.5))
     assert came.row == row
     assert (robot.contacts, gone.contacts, came.contacts) == ({came}, set(), {robot})
 
@@ -120,10 +121,7 @@ def test_new_margin_updates_all_pairs(contacts, robot):
     """Only footprints whose contacts change are reported."""
     cart = Footprint(CART)
     near, far = obstacles(contacts, 2)
-    contacts.place_footprint(robot, square(0).packed)
-    contacts.place_footprint(cart, square(20).packed)
-    contacts.place_obstacle(near, square(1.5).packed)
-    contacts.place_obstacle(far, square(2.5).packed)
+    contacts.put((robot, 0), (cart, 20), (near, 1.5), (far, 2.5))
     for margin, met, changed in ((0.5, {near}, {robot}), (0.75, {near}, set()),
                                  (1.5, {near, far}, {robot}), (0.0, set(), {robot})):
         contacts.changed.clear()
@@ -134,10 +132,9 @@ def test_new_margin_updates_all_pairs(contacts, robot):
 
 def test_nearest_excludes_given_obstacles(contacts, robot):
     touching, apart = obstacles(contacts, 2)
-    contacts.place_obstacle(touching, square(0.5).packed)
-    contacts.place_obstacle(apart, square(3).packed)
+    contacts.put((touching, 0.5), (apart, 3))
     assert contacts.nearest(robot) is None
-    contacts.place_footprint(robot, square(0).packed)
+    contacts.put((robot, 0))
     assert contacts.nearest(robot)[:2] == (touching, -0.5)
     assert contacts.nearest(robot, [touching])[:2] == (apart, 2.0)
     assert contacts.nearest(robot, [touching, apart]) is None

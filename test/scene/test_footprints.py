@@ -33,8 +33,7 @@ def test_footprint_goes_stale_by_its_stamp(stamp, end):
 
 def test_stale_footprint_in_contact_is_unknown():
     """Its last polygon is still drawn."""
-    stage = Stage(UNTIMED_LIDAR)
-    stage.robot()
+    stage = with_robot(UNTIMED_LIDAR, footprints=[ROBOT])
     stage.send(0.5)
     state = stage.at(1.001).state()
     assert (state.status.value, state.contacts, state.reasons) == ('unknown', (), (TOO_OLD,))
@@ -125,8 +124,7 @@ def test_footprint_with_two_publishers_is_unknown():
 
 
 def test_footprint_is_unknown_after_a_refused_message_until_the_next_good_one():
-    stage = Stage()
-    stage.robot()
+    stage = with_robot()
     stage.send(0.5)
     stage.refuse('not finite', name='robot')
     state = stage.state()
@@ -238,8 +236,7 @@ BOTH = DOCK, WALLS
 
 def stage_of(*own):
     """Return a stage where the robot touches the dock and is far from the walls."""
-    stage = Stage(*BOTH, footprints=[replace(UNTIMED_ROBOT, obstacles=own)])
-    stage.robot()
+    stage = with_robot(*BOTH, footprints=[replace(UNTIMED_ROBOT, obstacles=own)])
     stage.send(0.5, name='dock')
     stage.send(7.0, name='walls')
     return stage

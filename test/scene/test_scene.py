@@ -18,7 +18,8 @@ from sat_collision.scene.scene import OVERTAKEN
 from sat_collision.scene.sources import TOO_OLD as OLD_OBSTACLE
 from stage import (
     CART, clear_stage, EVERY_KIND, LIDAR, NOT_RECEIVED, NOTHING_SENT, POLYGONS, RADAR, REFUSED,
-    ROBOT, Stage, TOO_OLD, UNTIMED_LIDAR, UNTIMED_ROBOT)
+    ROBOT, Stage, TOO_OLD, UNTIMED_LIDAR, UNTIMED_ROBOT,
+    with_robot)
 
 
 def changed(stage):
@@ -47,8 +48,7 @@ def test_footprint_moves_into_contact_and_away():
 
 
 def test_contacts_are_sorted_by_source_and_key():
-    stage = Stage(RADAR, LIDAR)
-    stage.robot()
+    stage = with_robot(RADAR, LIDAR)
     stage.send(0.1, 9, 0.2, name='radar')
     stage.send(0.3)
     assert [str(obstacle) for obstacle in stage.state().contacts] == [
@@ -73,8 +73,7 @@ def test_disabled_scene_is_unknown_but_still_receives():
 
 def test_unknown_until_the_clock_starts():
     """With use_sim_time the time is 0 until /clock arrives; a map received before that is kept."""
-    stage = Stage(UNTIMED_LIDAR, start=0.0)
-    stage.robot()
+    stage = with_robot(UNTIMED_LIDAR, footprints=[ROBOT], start=0.0)
     stage.see(0.5)
     assert stage.status() == 'unknown'
     assert stage.state().reasons[0].startswith('no clock yet')
@@ -279,8 +278,7 @@ def evaluated(monkeypatch):
 @pytest.fixture
 def stage(evaluated):
     """Return a stage with two footprints whose states have not been reported yet."""
-    stage = Stage(footprints=[ROBOT, CART])
-    stage.robot()
+    stage = with_robot(footprints=[ROBOT, CART])
     stage.robot(5, name='cart')
     stage.see(20)
     evaluated.clear()
@@ -398,8 +396,7 @@ def test_contacts_are_sorted_only_when_read(monkeypatch):
         lengths.append(len(names))
         return sorted(names)
     monkeypatch.setattr('sat_collision.scene.footprints.sorted', count, raising=False)
-    stage = Stage(POLYGONS)
-    stage.robot()
+    stage = with_robot(POLYGONS)
     for k in range(200):
         stage.see(0.001 * k, stamp='none')
         assert changed(stage) == ['robot']

@@ -71,8 +71,7 @@ def test_ids_are_places_of_their_own():
 
 
 def test_mark_is_not_refused_for_its_frame_nor_for_its_stamp():
-    stage = Stage(LIDAR, frame_id='map')
-    stage.robot()
+    stage = with_robot(LIDAR, frame_id='map')
     for stamp in ('none', -1e6, 1e6):
         stage.see(10)
         assert stage.scene.obstacle('lidar', None, 'nowhere', stage.stamp(stamp), stage.now,
@@ -159,8 +158,7 @@ def test_messages_past_their_timeout_prove_nothing(settings):
 @EVERY_KIND
 def test_stamps_of_another_clock_are_reported_as_such(settings):
     """Stamps of an hour ago or older."""
-    stage = Stage(settings, start=1e5)
-    stage.robot()
+    stage = with_robot(settings, start=1e5)
     assert stage.see(5, stamp=-3600.0, instance=1) == TOO_OLD
     assert 'has stamps' not in stage.state().reasons[0]
     assert stage.see(5, stamp=-3600.1, instance=1) == TOO_OLD

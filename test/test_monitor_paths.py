@@ -28,6 +28,8 @@ ROBOT = FootprintSettings('robot', TF, points=OUTLINE, frame_id='base', rate=100
 AHEAD = box(5, -0.5)
 STRAIGHT = [(x, 0.0, 0.0) for x in np.linspace(0.0, 10.0, 21)]
 IDENTITY = 0.0, 0.0, 0.0, 0.0, 1.0
+# A goal at (3, 3), turned to the left.
+UPWARDS = (3.0, 3.0, 0.0, 0.0, 0.0, math.sin(math.pi / 4), math.cos(math.pi / 4))
 NONE = 0.0, 0.0, 0.0, 0.0, 0.0
 LONG = {'points': (-1, -0.2, 1, -0.2, 1, 0.2, -1, 0.2)}
 
@@ -43,9 +45,11 @@ class Follower(MapWorld):
         return self.check()
 
     def check(self):
-        """Return what is found, by the state, too."""
+        """Return what is found: NaN metres where it is unknown, and only there."""
         self.rejections += self.monitor.paths.check(self.now)
-        return self.scene.path_checks['robot']
+        found = self.scene.path_checks['robot']
+        assert math.isnan(found.metres) == found.text.startswith('unknown: ')
+        return found
 
     @property
     def text(self):
@@ -105,21 +109,19 @@ def test_obstacles_of_other_sources_do_not_count():
 
 def test_what_is_unknown_is_said():
     world = Follower(AHEAD)
-    world.at(1.0)
-    assert math.isnan(world.check().metres)
+    world.at(1.0).check()
     assert world.text == f'unknown: {"; ".join(world.state().reasons)}'
-    world.move(1.1, 0.0)
-    assert math.isnan(world.check().metres)
+    world.move(1.1, 0.0).check()
     assert world.text == 'unknown: no path on /plan yet'
     world.monitor.paths.note_fault('robot.path', 'it has no publisher')
     world.check()
     assert world.text == 'unknown: no path on /plan yet; it has no publisher'
     assert world.plan(STRAIGHT).metres < 5.0
-    assert math.isnan(world.plan([]).metres)
+    world.plan([])
     assert world.text == 'unknown: no plan, as the last path on /plan is empty'
     world.plan(STRAIGHT)
     assert world.at(7.0).status() == 'unknown'
-    assert math.isnan(world.check().metres) and 'older than its timeout' in world.text
+    assert 'older than its timeout' in world.check().reason
     assert world.move(7.1, 0.0).check().metres < 5.0
 
 
@@ -135,10 +137,8 @@ def test_state_that_is_unknown_since_the_last_check_says_so():
 def test_part_behind_the_robot_does_not_count():
     world = at_start(box(1, -0.5), AHEAD, x=3.0)
     assert world.plan(STRAIGHT).metres == pytest.approx(1.5, abs=1e-6)
-    world.move(0.1, 3.7, 0.1)
-    found = world.check()
-    assert found.metres == pytest.approx(0.8, abs=1e-6)
-    assert found.pose == pytest.approx(9.0, abs=1e-6)
+    found = world.move(0.1, 3.7, 0.1).check()
+    assert (found.metres, found.pose) == pytest.approx((0.8, 9.0), abs=1e-6)
     assert world.move(0.2, 7.0).check().metres == math.inf
 
 
@@ -195,8 +195,7 @@ def test_loops_are_told_apart_by_progress():
     length = 2 * math.tau * 3.0
     assert world.plan(track).metres == pytest.approx(length + 3.7, abs=0.01)
     for k, (x, y, yaw) in enumerate(track[:-1], 1):
-        world.move(0.01 * k, x, y, yaw)
-        metres = world.check().metres
+        metres = world.move(0.01 * k, x, y, yaw).check().metres
         assert metres == pytest.approx(length * (1 - (k - 1) / 128) + 3.7, abs=0.03), k
     assert world.move(2.0, 3.0, 0.0).check().metres == pytest.approx(0.7, abs=0.03)
 
@@ -213,11 +212,10 @@ def test_reversing_and_turns_on_the_spot():
     for part, first in ((out, 0.0), (back[2:], 3.0), (turn, 9.0), (up[:30], 9.0)):
         for k, pose in enumerate(part):
             time += 0.01
-            world.move(time, *pose)
-            gone = first + (0.1 * k if part is not turn else 0.0)
+            left = 12.5 - first - (0.1 * k if part is not turn else 0.0)
             # Where parts of the path are as near the first one counts, so it may be behind.
-            left = 12.5 - gone
-            assert left - 0.01 <= world.check().metres <= left + slack, (first, k)
+            metres = world.move(time, *pose).check().metres
+            assert left - 0.01 <= metres <= left + slack, (first, k)
     world = at_start([(-0.4, -0.35)])
     on_the_spot = [(0, 0, yaw) for yaw in np.linspace(0.0, 1.5, 16)]
     found = world.plan([*on_the_spot, (5, 0, 1.5)])
@@ -244,11 +242,9 @@ def test_orientations_of_identity_are_replaced_by_the_direction_of_travel():
     """A long robot goes round a corner between posts that it would hit if it did not turn."""
     corner = [(x, 0.0) for x in np.linspace(0.0, 3.0, 31)] + [
         (3.0, y) for y in np.linspace(0.1, 3.0, 30)]
-    posts = [(3.4, 2.0)], [(2.6, 2.0)]
-    world = at_start(*posts)
+    world = at_start([(3.4, 2.0)], [(2.6, 2.0)])
     poses = [(*at, *IDENTITY) for at in corner]
-    goal = (3.0, 3.0, 0.0, 0.0, 0.0, math.sin(math.pi / 4), math.cos(math.pi / 4))
-    found = world.plan([*poses[:-1], goal])
+    found = world.plan([*poses[:-1], UPWARDS])
     assert found.metres == math.inf and found.is_by_travel
     assert world.text == 'none; by the direction of travel, as the poses have no orientations'
     # With orientations those count.
@@ -296,8 +292,7 @@ def test_by_travel_it_turns_on_the_spot_at_a_pose():
         assert found.way[-1] == pytest.approx(places[int(pose)][:2])
     # After the turn at the corner there is nothing.
     world = at_start(beside_corner, **LONG)
-    goal = (3.0, 3.0, 0.0, 0.0, 0.0, math.sin(math.pi / 4), math.cos(math.pi / 4))
-    assert world.plan([*places[:2], goal]).pose == pytest.approx(1.0)
+    assert world.plan([*places[:2], UPWARDS]).pose == pytest.approx(1.0)
     assert world.move(0.1, 3.0, 0.01, math.pi / 2).check().metres == math.inf
     # A goal without orientation is not turned to.
     world = at_start(beside_goal, **LONG)
@@ -357,8 +352,8 @@ def test_random_paths_by_travel_as_shapely_sees_them():
 
 def test_path_in_another_frame_waits_for_its_transform():
     world = at_start(AHEAD)
-    assert math.isnan(world.plan(STRAIGHT, stamp=world.now, frame_id='map').metres)
-    assert 'the path on /plan has no place: ' in world.text
+    found = world.plan(STRAIGHT, stamp=world.now, frame_id='map')
+    assert 'the path on /plan has no place: ' in found.reason
     stamp = world.now
     world.receive_transforms(TF, ('map', 'odom', stamp, 0.0, 1.0, 0.0))
     assert world.check().metres == math.inf
@@ -418,7 +413,7 @@ def test_refused_paths(poses, more, reason):
     """The next good one counts."""
     world = at_start(AHEAD, settings={'max_path_poses': 30})
     world.plan(STRAIGHT)
-    assert math.isnan(world.plan(poses, **more).metres)
+    world.plan(poses, **more)
     assert world.text == f'unknown: the last path on /plan was refused: {reason}'
     assert world.reasons == [reason] and world.rejections[0].text
     assert world.status() == 'clear'
@@ -513,8 +508,8 @@ def test_standing_robot_does_not_go_on_along_a_turn():
     world = at_start(POST, **LONG)
     world.plan(turn)
     for k in range(1, 201):
-        world.move(k / 10, *rng.normal(0.0, 0.005, 2))
-        assert world.check().pose == pytest.approx(3.75, abs=0.01)
+        found = world.move(k / 10, *rng.normal(0.0, 0.005, 2)).check()
+        assert found.pose == pytest.approx(3.75, abs=0.01)
 
 
 @pytest.mark.parametrize('size', [1e-320, 1e-200, 1e-3, 1.0, 5.0, 9e99])
@@ -536,15 +531,13 @@ def test_damaged_paths_are_refused():
 def test_outline_that_is_lost_in_rounding_is_unknown():
     corner = 0.0, 0.0, 2.0, 0.0, 2.0, 0.5, 0.5, 0.5, 0.5, 2.0, 0.0, 2.0
     world = at_start(AHEAD, points=corner)
-    found = world.plan([(4e15, 1e16, 0.5)])
-    assert math.isnan(found.metres) and 'cannot be checked' in world.text
+    assert 'cannot be checked' in world.plan([(4e15, 1e16, 0.5)]).reason
 
 
 def test_clock_that_is_set_forgets_the_path():
     world = at_start(AHEAD)
     world.plan(STRAIGHT)
-    world.move(-100.0, 0.0)
-    assert math.isnan(world.check().metres)
+    assert math.isnan(world.move(-100.0, 0.0).check().metres)
 
 
 def test_path_that_tells_that_the_clock_was_set_counts():
@@ -573,9 +566,7 @@ def test_path_that_was_too_long_counts_when_it_may_be_so_long():
     world = at_start(AHEAD, settings={'max_path_poses': 10})
     world.plan(STRAIGHT)
     for most, known in (20, False), (21, True), (10, True):
-        world.settings = replace(world.settings, max_path_poses=most)
-        world.monitor.update(world.settings)
-        assert math.isnan(world.check().metres) is not known
+        assert math.isnan(world.use(max_path_poses=most).check().metres) is not known
     assert world.reasons == ['too many poses']
 
 

@@ -45,8 +45,7 @@ def test_obstacle_is_placed_by_the_pose_at_its_stamp(robot):
 
 
 def test_footprint_in_a_moving_frame_is_placed():
-    robot = Robot()
-    robot.move(0.5)
+    robot = Robot().move(0.5)
     robot.move(1.0)
     robot.time = 1.0
     robot.see(box(1.75), 1.0, 'odom')
@@ -57,8 +56,7 @@ def test_footprint_in_a_moving_frame_is_placed():
 
 def test_messages_in_the_fixed_frame_need_no_transform():
     """They are accepted at once and unchanged."""
-    robot = Robot()
-    robot.stand(0)
+    robot = Robot().stand(0)
     robot.see([(0.1, 0.3), (3, 7), (1 / 3, 5)], None, 'odom')
     (_, polygon), = robot.scene.obstacles
     assert polygon.vertices.tolist() == [
@@ -234,8 +232,7 @@ MAP = with_changes(SETS, 'lidar', timeout=0.0)
 
 def test_map_is_unknown_while_a_part_of_it_waits():
     """What waits may be in contact."""
-    robot = Robot(MAP)
-    robot.stand(0)
+    robot = Robot(MAP).stand(0)
     assert robot.see_all(box(9)).status() == 'clear'
     robot.see(box(0), 0.0, 'base')
     assert 'waits for the transform' in robot.state().reasons[0]
@@ -244,8 +241,7 @@ def test_map_is_unknown_while_a_part_of_it_waits():
 
 def map_robot(*link, settings=MAP):
     """Return a robot with a map that a frame with this transform has 50 m ahead of it."""
-    robot = Robot(settings)
-    robot.stand(0)
+    robot = Robot(settings).stand(0)
     robot.receive_transforms(*link)
     assert robot.see_all(box(0), frame_id=link[1][1]).status() == 'clear'
     return robot
@@ -260,8 +256,7 @@ def test_map_follows_a_static_frame_that_is_corrected():
 
 def test_all_of_a_map_follows_when_a_transform_ahead_of_the_clock_comes_to_count():
     """The first part was placed before, by the transform before."""
-    robot = Robot(MAP)
-    robot.stand(0)
+    robot = Robot(MAP).stand(0)
     robot.move(0.0, 50.0, 'site')
     robot.move(0.5, 0.5, 'site')
     robot.see(box(0), frame_id='site')
@@ -344,8 +339,7 @@ def test_map_is_requested_again_once_its_transform_has_come(frame_id, topic, lin
 @pytest.mark.parametrize('is_disabled', [False, True], ids=['renewed', 'disabled'])
 def test_older_map_does_not_stand_in_for_one_that_waited_when_it_was_dropped(is_disabled):
     """The new subscription receives both again, the older one first."""
-    robot = Robot(MAP)
-    robot.stand(0)
+    robot = Robot(MAP).stand(0)
     robot.monitor.update_publishers('lidar', [Endpoint('a', '/a')])
 
     def see(*numbers):

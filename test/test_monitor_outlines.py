@@ -48,8 +48,7 @@ def test_outline_follows_its_frame():
 
 
 def test_age_is_that_of_the_transform():
-    world = OutlineWorld()
-    world.move(0.1, 1.0)
+    world = OutlineWorld().move(0.1, 1.0)
     assert world.at(0.35).state().age == pytest.approx(0.25)
     assert world.scene.origin('robot') == ('base', pytest.approx(0.25))
     assert world.at(1.1).status() == 'clear'
@@ -73,8 +72,7 @@ def test_age_is_that_of_the_oldest_transform_in_the_chain():
 
 
 def test_unrelated_transform_does_not_place_it():
-    world = OutlineWorld()
-    world.move(0.1, 1.0)
+    world = OutlineWorld().move(0.1, 1.0)
     world.move(0.2, 9.0, child='other')
     assert world.monitor.received['robot'] == 1 and world.state().age == pytest.approx(0.1)
 
@@ -146,8 +144,7 @@ def test_place_by_a_static_frame_that_moves_now_gives_way_to_an_older_one():
 
 
 def test_frame_that_becomes_static_where_it_is_does_not_expire():
-    world = OutlineWorld()
-    world.move(0.1, 7.0)
+    world = OutlineWorld().move(0.1, 7.0)
     world.receive_transforms(TF_STATIC, ('odom', 'base', 0, 7.0, 0.0))
     for _ in range(10):
         assert world.at(due(world)).status() == 'clear'
@@ -162,8 +159,7 @@ def test_static_frame_without_a_timeout_has_no_deadline():
 
 def test_missing_transform_is_reported_once():
     """After transform_timeout."""
-    world = OutlineWorld()
-    world.move(0.1, 1.0, child='arm')
+    world = OutlineWorld().move(0.1, 1.0, child='arm')
     assert not world.rejections
     assert world.at(0.3000001).reasons == [frames.UNKNOWN_FRAME]
     assert world.rejections[0].detail == (
@@ -188,8 +184,7 @@ def test_missing_transform_is_reported_where_others_came_first(now, topic):
 
 
 def test_tilted_frame_is_unknown_at_once():
-    world = OutlineWorld()
-    world.move(0.1, 1.0)
+    world = OutlineWorld().move(0.1, 1.0)
     half = math.radians(3)
     world.at(0.2).receive_transforms(
         TF, ('odom', 'base', world.now, 1, 0, 0, math.sin(half), 0, 0, math.cos(half)))
@@ -207,8 +202,7 @@ def test_changed_outline_counts_at_once():
 
 
 def test_changed_outline_that_cannot_be_placed_is_unknown():
-    world = OutlineWorld()
-    world.move(0.1, 49.0, 0.5)
+    world = OutlineWorld().move(0.1, 49.0, 0.5)
     world.monitor.transforms.frames.clear()
     world.use('robot', points='[[-0.5, -0.5], [1.5, 0.0], [-0.5, 0.5]]')
     assert world.status() == 'unknown' and world.reasons == [frames.UNKNOWN_FRAME]
@@ -217,8 +211,7 @@ def test_changed_outline_that_cannot_be_placed_is_unknown():
 
 def test_radius_is_covered_by_a_polygon():
     """Also after rounding to single precision."""
-    world = OutlineWorld(replace(ROBOT, points='', radius=0.3, radius_vertices=7))
-    world.move(0.1, 0.0)
+    world = OutlineWorld(replace(ROBOT, points='', radius=0.3, radius_vertices=7)).move(0.1, 0.0)
     corners = world.scene.polygon('robot').vertices.tolist()
     ends = zip(corners, [*corners[1:], corners[0]], strict=True)
     reach = [abs(a[0] * b[1] - a[1] * b[0]) / math.dist(a, b) for a, b in ends]
@@ -226,8 +219,7 @@ def test_radius_is_covered_by_a_polygon():
 
 
 def test_disabled_outline_is_not_placed():
-    world = OutlineWorld()
-    world.move(0.1, 1.0)
+    world = OutlineWorld().move(0.1, 1.0)
     world.use('robot', enabled=False)
     assert world.move(0.2, 2.0).status() == 'unknown' and world.monitor.received['robot'] == 1
     assert world.use('robot', enabled=True).status() == 'clear'
@@ -235,8 +227,7 @@ def test_disabled_outline_is_not_placed():
 
 
 def test_outline_beside_a_published_footprint():
-    world = OutlineWorld(ROBOT, FootprintSettings('cart', '/cart'))
-    world.move(0.1, 1.0)
+    world = OutlineWorld(ROBOT, FootprintSettings('cart', '/cart')).move(0.1, 1.0)
     world.send('cart', box(49.5))
     assert (world.status('robot'), world.status('cart')) == ('clear', 'collision')
     assert world.scene.origin('cart') == ('odom', None)
@@ -246,8 +237,7 @@ def test_outline_beside_a_published_footprint():
 
 
 def test_outline_follows_odometry():
-    world = OutlineWorld(BY_ODOMETRY)
-    world.receive_odometry(0.1, 1.0, 2.0)
+    world = OutlineWorld(BY_ODOMETRY).receive_odometry(0.1, 1.0, 2.0)
     assert world.bounds() == (0.5, 1.5, 1.5, 2.5) and world.status() == 'clear'
     assert world.receive_odometry(0.3, 49.5).status() == 'collision'
     assert world.monitor.received['robot'] == 2 and not world.rejections
@@ -267,8 +257,7 @@ def test_odometry_places_obstacles_in_the_robots_frame():
 
 
 def test_odometry_between_other_frames_is_reported():
-    world = OutlineWorld(BY_ODOMETRY)
-    world.receive_odometry(0.1, 1.0, parent='earth')
+    world = OutlineWorld(BY_ODOMETRY).receive_odometry(0.1, 1.0, parent='earth')
     assert world.receive_odometry(0.4, 1.0, parent='earth').status() == 'unknown'
     assert world.rejections[0].text.startswith(
         'robot: a message on /odom was rejected, unknown frame: no transform from base to odom: '
@@ -302,8 +291,7 @@ def test_step_back_in_time_drops_poses():
 
 
 def test_pose_in_a_gap_between_transforms_is_refused():
-    world = OutlineWorld(max_tf_gap=0.2, transform_timeout=9.0)
-    world.move(0.0, 0.0, parent='middle')
+    world = OutlineWorld(max_tf_gap=0.2, transform_timeout=9.0).move(0.0, 0.0, parent='middle')
     world.time = 0.5
     world.receive_transforms(TF, ('middle', 'base', nanoseconds(0.5), 5.0, 0.0))
     world.receive_transforms(TF, ('odom', 'middle', nanoseconds(0.25), 0.0, 0.0))
@@ -473,8 +461,7 @@ def test_outline_in_a_static_frame_is_placed_by_a_new_clock(first):
 
 def test_changed_outline_counts_where_its_frame_has_an_older_pose_only():
     """Its new parent is known only at a time before the last pose."""
-    world = OutlineWorld()
-    world.move(0.1, 48.0, parent='odom', child='map')
+    world = OutlineWorld().move(0.1, 48.0, parent='odom', child='map')
     world.move(0.1, 1.0, 0.5, parent='map')
     world.move(0.3, 1.0)
     world.move(0.4, 1.0, 0.5, parent='map')

@@ -57,9 +57,7 @@ class Follower(MapWorld):
 
 
 def at_start(*polygons, x=0.0, y=0.0, yaw=0.0, **more):
-    world = Follower(*polygons, **more)
-    world.move(0.0, x, y, yaw)
-    return world
+    return Follower(*polygons, **more).move(0.0, x, y, yaw)
 
 
 def followed(poses):
@@ -316,8 +314,7 @@ def test_random_paths_by_travel_as_shapely_sees_them():
     for _ in range(100):
         places = rng.uniform(-4.0, 4.0, (rng.integers(2, 6), 2)).round(1)
         post = rng.uniform(-3.0, 3.0, (1, 2)) + rng.uniform(-0.3, 0.3, (3, 2))
-        world = Follower(post)
-        world.move(0.0, *places[0], math.atan2(*(places[1] - places[0])[::-1]))
+        world = Follower(post).move(0.0, *places[0], math.atan2(*(places[1] - places[0])[::-1]))
         found = world.plan([*((*place, *IDENTITY) for place in places[:-1]), (*places[-1], *NONE)])
         obstacle, poses, metres = shapely.Polygon(post), [], []
         gone, before = 0.0, None

@@ -84,8 +84,7 @@ def test_time_is_counted_from_now():
 
 def test_time_is_0_in_contact_and_after_predicted_contact():
     """The last footprint is 0.5 s old and was 0.1 s before contact; then one touches."""
-    world = Predicted([AHEAD])
-    world.drive(1.8, 1.9)
+    world = Predicted([AHEAD]).drive(1.8, 1.9)
     assert world.at(2.4).status() == 'clear' and world.seconds == 0.0
     world = Predicted([AHEAD])
     assert world.drive(2.25).status() == 'collision'
@@ -145,8 +144,7 @@ def test_no_prediction_while_unknown_or_not_requested():
 
 def test_velocity_is_used_for_two_seconds():
     """Even if the footprint has no timeout; one at rest stays at rest."""
-    world = Predicted([box(9.0)], horizon=60.0, timeout=0.0)
-    world.drive(0.0, 0.1)
+    world = Predicted([box(9.0)], horizon=60.0, timeout=0.0).drive(0.0, 0.1)
     assert world.at(2.0).seconds < math.inf
     assert world.at(2.2).status() == 'clear' and world.prediction is None
     world.drive(3.0, 3.1, speed=0.0)
@@ -174,8 +172,7 @@ def test_imminent_within_min_time_to_collision():
 
 def test_imminent_ends_when_the_footprint_brakes_or_its_velocity_is_unknown():
     """Or without a threshold."""
-    world = Predicted([AHEAD], min_time_to_collision=1.0, horizon=0.0)
-    world.drive(1.5, 1.6)
+    world = Predicted([AHEAD], min_time_to_collision=1.0, horizon=0.0).drive(1.5, 1.6)
     assert world.status() == 'imminent' and world.seconds == pytest.approx(0.4, abs=1e-3)
     world.place(1.7, [(x + 1.6, y) for x, y in ROBOT])
     assert world.status() == 'clear' and world.seconds == math.inf
@@ -219,8 +216,7 @@ def walker(time, speed=-1.0, turn=0.0, x=5.0):
 
 def test_moving_obstacle():
     """At first 4.05 m apart, approaching at 2 m/s; messages have different ages."""
-    world = Predicted([walker(0.0)], moving=True)
-    world.drive(0.0, 0.1)
+    world = Predicted([walker(0.0)], moving=True).drive(0.0, 0.1)
     assert world.prediction.unknown == (ObstacleId('map', 1),) and not world.prediction.is_known
     world.see(0.2, walker(0.2))
     assert world.prediction[:2] == (pytest.approx(1.825, abs=1e-3), ObstacleId('map', 1))

@@ -29,8 +29,7 @@ from test_monitor_outlines import BY_ODOMETRY, OutlineWorld, ROBOT
 
 def test_velocity_by_transforms():
     """Tracked on request, after two poses, here on an arc; reset by a step back in time."""
-    world = OutlineWorld()
-    world.move(0.1, 0.0)
+    world = OutlineWorld().move(0.1, 0.0)
     assert world.move(0.2, 0.1).scene.velocity('robot') == ''
     world.scene.tracks_motion = True
     assert world.move(0.3, 0.2).scene.velocity('robot') == ''
@@ -197,8 +196,7 @@ AHEAD = box(2.5, -0.5)
 
 def test_command_counts_instead_of_the_measured_velocity():
     """The robot drives away from the wall while it is commanded towards it, and vice versa."""
-    world = Driven(AHEAD)
-    world.move(0.0, 0.0)
+    world = Driven(AHEAD).move(0.0, 0.0)
     world.move(0.1, -0.1)
     assert world.prediction is None and world.velocity == 'unknown: no command on /cmd_vel yet'
     assert world.drive(0.5) is None
@@ -215,8 +213,7 @@ def test_command_counts_instead_of_the_measured_velocity():
 
 def test_command_is_in_the_frame_of_the_robot():
     """It faces along y, so its left is -x; one pose is enough."""
-    world = Driven(box(-3.25, 0.0))
-    world.move(0.0, 0.0, yaw=math.pi / 2)
+    world = Driven(box(-3.25, 0.0)).move(0.0, 0.0, yaw=math.pi / 2)
     world.drive(0.0, 1.0)
     assert world.prediction.seconds == pytest.approx(2.0, abs=2e-3)
     world.drive(1.0, 0.0)
@@ -234,8 +231,7 @@ def test_command_before_the_first_pose():
 @pytest.mark.parametrize(('timeout', 'lasts'), [(0.5, 0.5), (1.0, 1.0), (9.0, 2.0), (0.0, 2.0)])
 def test_command_expires(timeout, lasts):
     """After the footprint's timeout, but at most two seconds; commands of 0, too."""
-    world = Driven(AHEAD, timeout=timeout, min_time_to_collision=5.0)
-    world.move(0.0, 0.0)
+    world = Driven(AHEAD, timeout=timeout, min_time_to_collision=5.0).move(0.0, 0.0)
     for speed in (1.0, 0.0):
         world.move(world.time + 0.1, 0.0)
         world.drive(speed)
@@ -251,8 +247,7 @@ def test_command_expires(timeout, lasts):
 
 
 def test_command_expires_from_its_stamp():
-    world = Driven(AHEAD, timeout=0.5)
-    world.move(0.0, 0.0)
+    world = Driven(AHEAD, timeout=0.5).move(0.0, 0.0)
     assert world.drive(1.0, age=0.4) is None and world.prediction.seconds < 3.0
     world.move(0.2, 0.0)
     assert world.velocity == 'unknown: no command on /cmd_vel for 0.6 s'
@@ -283,8 +278,7 @@ LATER = START + 4000 * SECOND
          'too long', 'nothing', 'cut off Twist'])
 def test_refused_command_makes_the_velocity_unknown(data, reason, detail):
     """The previous command no longer counts, since the robot may have accepted this one."""
-    world = Driven(AHEAD, min_time_to_collision=2.5)
-    world.move(4000.1, 0.0)
+    world = Driven(AHEAD, min_time_to_collision=2.5).move(4000.1, 0.0)
     world.drive(1.0)
     assert world.status() == 'imminent'
     text = world.order(data)
@@ -300,8 +294,7 @@ def test_refused_command_makes_the_velocity_unknown(data, reason, detail):
 
 def test_last_command_counts_whatever_its_stamp():
     """Several publishers may take turns, with different clocks."""
-    world = Driven(AHEAD)
-    world.move(0.1, 0.0)
+    world = Driven(AHEAD).move(0.1, 0.0)
     world.drive(0.0, age=0.0)
     world.drive(1.0, age=0.3)
     assert world.prediction.seconds < 3.0
@@ -309,8 +302,7 @@ def test_last_command_counts_whatever_its_stamp():
 
 def test_damaged_commands_never_raise():
     """Every prefix and changed byte in both orders; refusals are printable."""
-    world = Driven(AHEAD)
-    world.move(0.1, 0.0)
+    world = Driven(AHEAD).move(0.1, 0.0)
     accepted = 0
     for order in '<>':
         good = command(1.0, 0.5, 0.1, world.now, 'base', order)
@@ -327,16 +319,14 @@ def test_damaged_commands_never_raise():
 
 
 def test_step_back_in_time_drops_commands():
-    world = Driven(AHEAD)
-    world.move(5.0, 0.0)
+    world = Driven(AHEAD).move(5.0, 0.0)
     world.drive(1.0)
     world.at(0.1).move(0.2, 0.0)
     assert world.prediction is None and world.velocity.endswith('no command on /cmd_vel yet')
 
 
 def test_first_command_after_a_step_back_in_time_counts():
-    world = Driven(AHEAD)
-    world.move(5.0, 0.0)
+    world = Driven(AHEAD).move(5.0, 0.0)
     world.time = 0.1
     assert world.drive(1.0) is None
     world.move(0.2, 0.0)
@@ -350,8 +340,7 @@ def test_commands_of_a_disabled_footprint_are_ignored():
 
 def test_command_of_before_it_was_disabled_does_not_count():
     """It was told to stand; while it is disabled it is told to go on."""
-    world = Driven(AHEAD, timeout=2.0)
-    world.move(0.0, 0.0)
+    world = Driven(AHEAD, timeout=2.0).move(0.0, 0.0)
     world.drive(0.0)
     world.use('robot', enabled=False)
     world.drive(1.0)

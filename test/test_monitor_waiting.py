@@ -31,7 +31,7 @@ def test_message_waits_for_its_transform(robot):
     """Until then the obstacles before it stay."""
     robot.see(box(0.5), 1.0, 'odom')
     assert robot.status() == 'collision'
-    assert robot.at(1.05).see(box(9), 1.05, 'base') is None
+    assert robot.at(1.05).see(box(9), frame_id='base') is None
     assert robot.status() == 'collision' and 'lidar' in robot.monitor.waiting
     assert robot.at(1.1).move(1.1).status() == 'clear' and 'lidar' not in robot.monitor.waiting
     assert robot.seen == [pytest.approx((10.05, 0, 11.05, 1))]
@@ -39,7 +39,7 @@ def test_message_waits_for_its_transform(robot):
 
 def test_obstacle_behind_a_waiting_one_counts_once_it_has_a_place(robot):
     """At once, or by its own transform; ids without meaning, 0, do not replace each other."""
-    robot.at(1.05).see(box(9), 1.05, 'camera')
+    robot.at(1.05).see(box(9), frame_id='camera')
     for x, instance in ((20, 0), (21, 0), (0.5, 7)):
         robot.see(box(x), 1.05, 'odom', instance)
     assert robot.state().contacts == (ObstacleId('lidar', 7),)
@@ -53,7 +53,7 @@ def test_obstacle_behind_a_waiting_one_counts_once_it_has_a_place(robot):
 
 @pytest.mark.parametrize('points', [BOW_TIE, CIRCLE])
 def test_refused_message_behind_a_waiting_one_counts_at_once(robot, points):
-    robot.at(1.05).see(box(9), 1.05, 'camera')
+    robot.at(1.05).see(box(9), frame_id='camera')
     robot.see(points, 1.05, 'odom', 2)
     assert 'sent what was refused' in robot.state().reasons[0]
 
@@ -80,7 +80,7 @@ def test_obstacle_that_was_refused_does_not_count_while_later_ones_wait(robot):
 
 def test_obstacles_that_count_while_queued_are_bounded(robot):
     """By max_count, 5; beyond it the source is unknown until they were received."""
-    robot.at(1.05).see(box(9), 1.05, 'camera')
+    robot.at(1.05).see(box(9), frame_id='camera')
     for k in range(6):
         robot.see(box(20 + k), 1.05, 'odom', 2 + k % 4)
     assert len(robot.seen) == 5 and 'too many obstacles' in robot.state().reasons[0]
@@ -116,15 +116,14 @@ def test_later_whole_listing_needs_only_its_own_bodies_placed(source):
 
 def test_mark_is_never_refused_for_its_frame():
     for frame in '', 'a' * 256, 'elsewhere':
-        robot = Robot(SETS)
-        robot.stand(0)
+        robot = Robot(SETS).stand(0)
         assert robot.see((), 0.0, frame) is None and robot.status() == 'clear'
 
 
 def test_waiting_ends_after_transform_timeout(robot):
     """The refused obstacle makes the footprint unknown, with the reason."""
     robot.see(box(9), 1.0, 'odom')
-    robot.at(1.05).see(box(9), 1.05, 'laser')
+    robot.at(1.05).see(box(9), frame_id='laser')
     assert robot.at(1.25).status() == 'clear'
     assert robot.at(1.2500001).status() == 'unknown' and robot.reasons == [frames.NO_TRANSFORM]
     text = robot.rejections[0].text
@@ -140,7 +139,7 @@ def test_waiting_ends_after_transform_timeout(robot):
 
 def test_deadline_of_a_waiting_message(robot):
     assert robot.monitor.deadline >= robot.now
-    robot.at(1.05).see(box(9), 1.05)
+    robot.at(1.05).see(box(9))
     assert robot.monitor.deadline == nanoseconds(1.25)
 
 
@@ -171,8 +170,7 @@ def test_obstacle_from_the_future_behind_a_waiting_one_is_refused_at_once(robot)
 @pytest.mark.parametrize('frame', ['odom', 'base'])
 def test_set_from_the_future_replaces_none_that_waits(frame):
     """The good one is placed once its transform comes."""
-    robot = Robot(with_changes(SETS, 'lidar', timeout=2.0, set_end='each_message'))
-    robot.stand(0)
+    robot = Robot(with_changes(SETS, 'lidar', timeout=2.0, set_end='each_message')).stand(0)
     robot.see(box(0.5), 0.0, 'base')
     robot.see(box(9), 3600.0, frame)
     assert robot.status() == 'unknown' and not robot.reasons
@@ -181,22 +179,21 @@ def test_set_from_the_future_replaces_none_that_waits(frame):
 
 def test_map_behind_a_waiting_part_counts_whatever_its_stamp():
     """Its stamps are of before the clock was set back."""
-    robot = Robot(with_changes(SETS, 'lidar', timeout=0.0))
-    robot.stand(0)
+    robot = Robot(with_changes(SETS, 'lidar', timeout=0.0)).stand(0)
     robot.see(box(9), 3600.0, 'camera')
     robot.see(box(0.5), 3600.0, 'odom')
     assert robot.monitor.waiting.counts() and robot.status() == 'collision'
 
 
 def test_small_step_back_of_the_clock_makes_no_wait_longer(robot):
-    robot.at(1.05).see(box(9), 1.05)
+    robot.at(1.05).see(box(9))
     assert robot.at(0.65).monitor.deadline == nanoseconds(0.85)
     assert robot.at(0.8500001).reasons == [frames.NO_TRANSFORM]
     assert not robot.monitor.waiting.counts()
 
 
 def test_waiting_counts_towards_the_age(robot):
-    robot.at(1.05).see(box(9), 1.05)
+    robot.at(1.05).see(box(9))
     robot.at(1.2).move(1.2)
     assert [len(robot.at(time).seen) for time in (1.2, 3.05, 3.0500001)] == [1, 1, 0]
 
@@ -234,8 +231,7 @@ def test_messages_that_wait_are_limited_in_number_and_bytes(
 
 def test_loss_before_a_waiting_message():
     """It is counted when that message is received."""
-    robot = Robot(SETS)
-    robot.move(0.0)
+    robot = Robot(SETS).move(0.0)
     robot.see(box(1), 0.1, 'base')
     robot.numbers['lidar'] += 1
     robot.see(box(2), 0.1, 'base')
@@ -248,11 +244,10 @@ def test_loss_before_a_waiting_message():
 
 def test_set_with_a_waiting_message_is_not_whole():
     """Even if its end has arrived."""
-    robot = Robot(SETS)
-    robot.stand(0)
+    robot = Robot(SETS).stand(0)
     robot.move(0.1)
     robot.at(0.1).see_all(box(0))
-    robot.at(0.2).see(box(7), 0.2, 'odom')
+    robot.at(0.2).see(box(7), frame_id='odom')
     robot.see(box(0), 0.2, 'base')
     robot.see_all()
     assert robot.at(0.39).status() == 'collision'
@@ -264,8 +259,7 @@ def test_set_with_a_waiting_message_is_not_whole():
 
 def test_change_of_publishers_waits_for_their_messages():
     """The publisher has ended, but a set of it waits for a transform."""
-    robot = Robot(SETS)
-    robot.stand(0)
+    robot = Robot(SETS).stand(0)
     robot.monitor.update_publishers('lidar', [Endpoint('a', '/a')])
     robot.see_all(box(9), frame_id='base')
     robot.monitor.update_publishers('lidar', [])
@@ -276,8 +270,7 @@ def test_change_of_publishers_waits_for_their_messages():
 
 def test_messages_of_any_publisher_end_nothing_even_if_they_wait():
     """They came while a second publisher was matched, in a frame whose transform is late."""
-    robot = Robot(SETS)
-    robot.stand(0)
+    robot = Robot(SETS).stand(0)
     batch = [serialised(points, robot.now, 'base') for points in ((), box(9), ())]
     robot.monitor.receive_mixed('lidar', batch, robot.now)
     assert robot.move(0.0).seen == [(9, 0, 10, 1)]
@@ -299,8 +292,7 @@ def test_footprint_of_stamp_0_behind_one_that_waits_counts_from_its_arrival(robo
 
 def test_obstacle_of_stamp_0_counts_from_its_arrival():
     """Not from when it is taken from the queue of the middleware."""
-    robot = Robot(with_changes(SETS, 'robot', timeout=0.0))
-    robot.stand(0)
+    robot = Robot(with_changes(SETS, 'robot', timeout=0.0)).stand(0)
     robot.at(3.0).monitor.receive_batch(
         'lidar', [serialised((), 0, 'odom')], robot.now, 1, arrived=nanoseconds(0.0))
     assert robot.status() == 'clear'
@@ -325,7 +317,7 @@ def test_change_of_publishers_is_not_dropped_when_time_steps_back():
 
 
 def test_disabled_source_drops_waiting_messages(robot):
-    robot.at(1.05).see(box(9), 1.05)
+    robot.at(1.05).see(box(9))
     robot.use('lidar', enabled=False)
     assert robot.move(1.1).seen == [] and not robot.rejections
 
@@ -348,7 +340,7 @@ def test_what_waited_before_it_was_disabled_never_counts(name):
 @pytest.mark.parametrize('steps', [[0.0], [0.5, 0.0]], ids=['one', 'two'])
 def test_steps_back_in_time_drop_waiting_messages_and_transforms(robot, steps):
     """Static transforms stay."""
-    robot.at(1.05).see(box(9), 1.05)
+    robot.at(1.05).see(box(9))
     for time in steps:
         robot.at(time)
     assert 'lidar' not in robot.monitor.waiting

@@ -33,8 +33,7 @@ def test_footprint_goes_stale_by_its_stamp(stamp, end):
 
 def test_stale_footprint_in_contact_is_unknown():
     """Its last polygon is still drawn."""
-    stage = with_robot(UNTIMED_LIDAR, footprints=[ROBOT])
-    stage.send(0.5)
+    stage = with_robot(UNTIMED_LIDAR, footprints=[ROBOT]).send(0.5)
     state = stage.at(1.001).state()
     assert (state.status.value, state.contacts, state.reasons) == ('unknown', (), (TOO_OLD,))
     assert [name for name, _ in stage.scene.footprints] == ['robot']
@@ -105,8 +104,7 @@ def test_footprint_without_a_publisher_is_unknown_at_once():
 
 def test_footprint_with_two_publishers_is_unknown():
     """Both are in the graph, or the message numbers show a second one."""
-    stage = clear_stage(UNTIMED_LIDAR)
-    stage.publish_by('a', 'b', name='robot')
+    stage = clear_stage(UNTIMED_LIDAR).publish_by('a', 'b', name='robot')
     stage.robot()
     assert stage.state().reasons == (
         'footprint robot on /footprint has 2 publishers, /a and /b, which cannot be told apart: '
@@ -124,8 +122,7 @@ def test_footprint_with_two_publishers_is_unknown():
 
 
 def test_footprint_is_unknown_after_a_refused_message_until_the_next_good_one():
-    stage = with_robot()
-    stage.send(0.5)
+    stage = with_robot().send(0.5)
     stage.refuse('not finite', name='robot')
     state = stage.state()
     assert (state.status.value, state.contacts, state.age) == ('unknown', (), None)
@@ -136,8 +133,7 @@ def test_footprint_is_unknown_after_a_refused_message_until_the_next_good_one():
 
 
 def test_disabled_footprint_is_unknown_and_ignored():
-    stage = clear_stage()
-    stage.use('robot', enabled=False)
+    stage = clear_stage().use('robot', enabled=False)
     assert stage.robot() is None
     stage.refuse(name='robot')
     assert stage.state().reasons == ('footprint robot is disabled',)
@@ -202,8 +198,7 @@ def test_timeout_and_release_delay_can_be_changed_live():
 
 
 def test_release_delay_does_not_delay_collision_or_unknown():
-    stage = with_robot(release_delay=0.5)
-    stage.send(5)
+    stage = with_robot(release_delay=0.5).send(5)
     assert stage.at(1.0).status() == 'clear'
     stage.see(0.5)
     assert stage.status() == 'collision'
@@ -286,6 +281,5 @@ def test_faults_of_other_sources_are_ignored():
 
 def test_unknown_if_all_monitored_sources_are_disabled():
     """Though another source is enabled and known."""
-    stage = stage_of('walls')
-    stage.use('walls', enabled=False)
+    stage = stage_of('walls').use('walls', enabled=False)
     assert stage.told == ('unknown', ('none of its obstacle sources is enabled',))

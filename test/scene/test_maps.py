@@ -20,8 +20,7 @@ from stage import LIDAR_SAYS, square, UNTIMED_LIDAR, with_robot
 @pytest.mark.parametrize('back', [0.0, 0.5, 3600.0])
 def test_map_sent_again_after_its_clock_went_back_is_whole(back):
     """Also where our clock goes back with it; of the map before nothing stays."""
-    stage = with_robot(UNTIMED_LIDAR)
-    stage.send(0.5, 20)
+    stage = with_robot(UNTIMED_LIDAR).send(0.5, 20)
     stage.at(-back).robot()
     assert stage.told == ('collision', ())
     assert stage.send(0.5, 20, stamp=-7200.0).told == ('collision', ())
@@ -68,8 +67,7 @@ def test_map_in_a_frame_that_is_not_known_is_not_known(pass_by_time):
 def test_open_update_of_a_map_makes_it_unknown_though_the_clock_goes_back():
     """Its publisher has begun to send another one, and died."""
     for back in (1.001, -3600.0):
-        stage = with_robot(UNTIMED_LIDAR)
-        stage.send(10)
+        stage = with_robot(UNTIMED_LIDAR).send(10)
         stage.see(20)
         stage.at(back).robot()
         assert stage.told == ('unknown', (
@@ -78,8 +76,7 @@ def test_open_update_of_a_map_makes_it_unknown_though_the_clock_goes_back():
 
 def test_map_of_which_a_part_was_lost_is_requested_again():
     """Its publisher keeps what it has sent: number 1 comes again."""
-    stage = with_robot(UNTIMED_LIDAR)
-    stage.publish_by('a')
+    stage = with_robot(UNTIMED_LIDAR).publish_by('a')
     assert stage.scene.wants_history('lidar'), 'it may have sent its map already'
     stage.see(10)
     assert not stage.scene.wants_history('lidar')
@@ -97,8 +94,7 @@ def test_map_of_which_a_part_was_lost_is_requested_again():
 
 
 def test_map_stays_until_a_new_publisher_sends_a_whole_one():
-    stage = with_robot(UNTIMED_LIDAR)
-    stage.publish_by('a')
+    stage = with_robot(UNTIMED_LIDAR).publish_by('a')
     stage.send(0.5)
     stage.publish_by()
     assert stage.at(100.0).told == ('collision', (LIDAR_SAYS + 'has no publisher',))

@@ -39,8 +39,7 @@ def test_obstacle_moves_into_contact_and_away():
 
 
 def test_footprint_moves_into_contact_and_away():
-    stage = Stage()
-    stage.send(0, 4, 5)
+    stage = Stage().send(0, 4, 5)
     for x, keys in ((2, []), (3, [1]), (4.5, [1, 2]), (6.5, []), (0, [0])):
         stage.robot(x)
         assert stage.state().contacts == tuple(ObstacleId('lidar', key) for key in keys)
@@ -48,8 +47,7 @@ def test_footprint_moves_into_contact_and_away():
 
 
 def test_contacts_are_sorted_by_source_and_key():
-    stage = with_robot(RADAR, LIDAR)
-    stage.send(0.1, 9, 0.2, name='radar')
+    stage = with_robot(RADAR, LIDAR).send(0.1, 9, 0.2, name='radar')
     stage.send(0.3)
     assert [str(obstacle) for obstacle in stage.state().contacts] == [
         'lidar/0', 'radar/0', 'radar/2']
@@ -64,8 +62,7 @@ def test_each_footprint_has_its_own_status():
 
 
 def test_disabled_scene_is_unknown_but_still_receives():
-    stage = clear_stage()
-    stage.use(enabled=False)
+    stage = clear_stage().use(enabled=False)
     stage.see(0.5)
     assert stage.told == ('unknown', ('checking is disabled',))
     assert stage.use(enabled=True).status() == 'collision'
@@ -100,8 +97,7 @@ def test_stamp_before_0_is_old():
 @pytest.mark.parametrize('steps', [(-1.001,), (-0.6, -1.001)])
 def test_clock_that_goes_back_begins_anew(steps):
     """A recording starts again: what was told counts for one more timeout, and proves nothing."""
-    stage = clear_stage(footprints=[UNTIMED_ROBOT])
-    stage.send(0.5)
+    stage = clear_stage(footprints=[UNTIMED_ROBOT]).send(0.5)
     for time in steps:
         assert stage.status() == 'collision'
         stage.at(time)
@@ -225,8 +221,7 @@ def test_configured_frame_refuses_other_frames_from_the_start():
 
 def test_second_footprint_in_another_frame_is_unknown():
     """The first one is not affected."""
-    stage = Stage(footprints=[ROBOT, CART])
-    stage.send(10)
+    stage = Stage(footprints=[ROBOT, CART]).send(10)
     stage.robot()
     assert stage.robot(10, name='cart', frame='odom') == 'other frame'
     assert (stage.status('robot'), stage.status('cart')) == ('clear', 'unknown')

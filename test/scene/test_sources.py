@@ -111,8 +111,7 @@ def test_silent_source_is_unknown_until_all_is_proved_anew(settings):
     """Also before its first message."""
     stage = with_robot(settings)
     assert stage.at(10.0).told == ('unknown', (NOTHING_SENT,))
-    stage = known_stage(settings)
-    stage.send(10)
+    stage = known_stage(settings).send(10)
     assert stage.at(2.0).status() == 'clear'
     assert stage.at(2.001).told == ('unknown', (
         SILENT if settings is LIDAR else SILENT.partition(': ')[0],))
@@ -182,8 +181,7 @@ def test_stamp_further_ahead_than_the_tolerance_is_refused(settings):
 @EVERY_KIND
 def test_stamps_that_fall_by_more_than_the_timeout_begin_anew(settings):
     """The clock of the publisher was set back; what was told counts for one more timeout."""
-    stage = known_stage(settings)
-    stage.send(0.5)
+    stage = known_stage(settings).send(0.5)
     stage.at(1.0)
     assert stage.see(10, stamp=-1.999, instance=2) == TOO_OLD if settings is POLYGONS else True
     assert stage.see(10, stamp=-2.001, instance=2) == TOO_OLD
@@ -201,8 +199,7 @@ def test_stamps_that_fall_by_more_than_the_timeout_begin_anew(settings):
 @EVERY_KIND
 def test_clock_that_went_back_by_much_begins_anew(settings):
     """A publisher that hangs over it is unknown, not clear."""
-    stage = known_stage(settings)
-    stage.send(0.5)
+    stage = known_stage(settings).send(0.5)
     stage.at(-600.0).robot()
     assert [stage.at(time).status() for time in (-600.0, -598.0)] == 2 * ['collision']
     assert stage.at(-597.999).told == ('unknown', (
@@ -217,8 +214,7 @@ def test_clock_that_went_back_by_much_begins_anew(settings):
 
 def test_refused_obstacle_of_a_set_makes_it_not_whole():
     """Other sources are not affected; a contact is told though the rest is unknown."""
-    stage = with_robot(LIDAR, RADAR)
-    stage.send(9, name='radar')
+    stage = with_robot(LIDAR, RADAR).send(9, name='radar')
     stage.see(10)
     stage.refuse()
     stage.see(30)
@@ -235,8 +231,7 @@ def test_refused_obstacle_of_a_set_makes_it_not_whole():
 
 def test_obstacle_counts_as_long_as_the_last_whole_set_though_another_is_refused():
     """It was older than the timeout when it came."""
-    stage = with_robot(LIDAR)
-    stage.send(10)
+    stage = with_robot(LIDAR).send(10)
     assert stage.at(1.0).see(0.5, stamp=-1.5) == TOO_OLD
     stage.refuse()
     assert [stage.at(time).status() for time in (1.0, 2.0, 2.001)] == [
@@ -298,8 +293,7 @@ def test_lost_footprints_are_only_counted():
 @EVERY_KIND
 def test_restarted_publisher_must_send_all_by_itself(settings):
     """Obstacles of the previous publisher stay until their timeout."""
-    stage = known_stage(settings)
-    stage.publish_by('a')
+    stage = known_stage(settings).publish_by('a')
     stage.restart()
     stage.see(0.5, instance=1)
     stage.at(1.0).publish_by('b')
@@ -313,8 +307,7 @@ def test_restarted_publisher_must_send_all_by_itself(settings):
 @EVERY_KIND
 def test_listing_of_a_second_publisher_that_leaves_does_not_count(settings):
     """It sends an empty set and goes; the next number of the first one happens to fit."""
-    stage = with_robot(settings)
-    stage.publish_by('a')
+    stage = with_robot(settings).publish_by('a')
     stage.see(0.5, instance=1)
     assert stage.publish_by('a', 'b').state().reasons == (
         LIDAR_SAYS + 'has 2 publishers, /a and /b, which cannot be told apart: give each a topic '
@@ -366,8 +359,7 @@ def test_what_is_gone_of_a_set_that_never_ends_is_not_looked_at():
 def test_obstacle_behind_one_that_waits_counts_at_once():
     """It counts beside the last whole set; a map is unknown while anything of it waits."""
     for settings in (LIDAR, UNTIMED_LIDAR):
-        stage = with_robot(settings)
-        stage.send(10)
+        stage = with_robot(settings).send(10)
         stage.scene.wait('lidar', 1)
         assert (stage.status() == 'clear') == (settings is LIDAR)
         stage.scene.receive_early('lidar', square(0.5).packed, stage.now, 2, None, None)
@@ -381,8 +373,7 @@ def test_obstacle_behind_one_that_waits_counts_at_once():
 
 def test_disabled_source_is_ignored():
     """Its faults do not count; once enabled, all must be proved again."""
-    stage = with_robot(LIDAR, RADAR)
-    stage.send(0.5)
+    stage = with_robot(LIDAR, RADAR).send(0.5)
     assert stage.send(50, name='radar').status() == 'collision'
     assert stage.use('lidar', enabled=False).told == ('clear', ())
     assert stage.see(0.5) is None
@@ -457,8 +448,7 @@ def test_a_longer_timeout_is_unknown_until_it_has_passed(settings):
 
 @REFRESHED
 def test_a_shorter_timeout_forgets_sooner_and_all_stays_known(settings):
-    stage = known_stage(settings)
-    stage.use('lidar', timeout=0.1)
+    stage = known_stage(settings).use('lidar', timeout=0.1)
     stage.at(0.1).see(0.5, instance=1)
     stage.at(0.2).see(10, instance=2)
     assert stage.told == ('collision', ())
@@ -468,8 +458,7 @@ def test_a_shorter_timeout_forgets_sooner_and_all_stays_known(settings):
 
 def test_timeout_of_sets_can_be_changed_live():
     """A shorter one forgets at once; a longer one restores neither obstacles nor knowledge."""
-    stage = with_robot(LIDAR)
-    stage.send(0.5)
+    stage = with_robot(LIDAR).send(0.5)
     stage.at(1.5)
     stage.use('lidar', timeout=10.0)
     stage.send(0.5)

@@ -171,8 +171,7 @@ def clear_stage(*sources, **settings):
     """Return a stage with a footprint at 0 and an obstacle far from it."""
     stage = Stage(*sources, **settings)
     stage.robot()
-    stage.send(10)
-    assert stage.status() == 'clear'
+    assert stage.send(10).status() == 'clear'
     return stage
 
 

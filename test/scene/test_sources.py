@@ -102,8 +102,7 @@ def test_set_expires_with_its_oldest_obstacle(batches, timeout, expires):
                     for x, stamp in sent]
         assert not world.at(now).monitor.receive_batch('lidar', messages, world.now, number)
         number += len(messages)
-    assert [world.at(time).status() for time in (expires, expires + 0.001)] == [
-        'clear', 'unknown']
+    assert [world.at(time).status() for time in (expires, expires + 0.001)] == ['clear', 'unknown']
 
 
 @EVERY_KIND

@@ -18,8 +18,7 @@ from sat_collision.scene.scene import OVERTAKEN
 from sat_collision.scene.sources import TOO_OLD as OLD_OBSTACLE
 from stage import (
     CART, clear_stage, EVERY_KIND, LIDAR, NOT_RECEIVED, NOTHING_SENT, POLYGONS, RADAR, REFUSED,
-    ROBOT, Stage, TOO_OLD, UNTIMED_LIDAR, UNTIMED_ROBOT,
-    with_robot)
+    ROBOT, Stage, TOO_OLD, UNTIMED_LIDAR, UNTIMED_ROBOT, with_robot)
 
 
 def changed(stage):

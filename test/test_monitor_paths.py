@@ -145,8 +145,7 @@ def test_progress_goes_back_with_the_robot_but_not_a_little():
     world = at_start(AHEAD)
     assert world.plan([(0, 0, 0), (10, 0, 0)]).metres == pytest.approx(4.5, abs=1e-6)
     for time, x, metres in ((0.1, 3.0, 1.5), (0.2, 2.5, 1.5), (0.3, 2.0, 2.5), (0.4, 3.2, 1.3)):
-        world.move(time, x)
-        assert world.check().metres == pytest.approx(metres, abs=1e-6)
+        assert world.move(time, x).check().metres == pytest.approx(metres, abs=1e-6)
 
 
 @pytest.mark.parametrize('yaw, off', [(0.0, 0.001), (0.0, 0.002), (0.02, 0.0)])
@@ -158,8 +157,8 @@ def test_metres_count_from_the_robot_however_uneven_the_path_is(yaw, off):
              for x in np.linspace(0.0, 10.0, 401)]
     world.plan(track)
     for k in range(1, 100):
-        world.move(0.01 * k, 2.0 + 0.05 * k)
-        assert world.check().metres == pytest.approx(6.5 - 0.05 * k, abs=0.06)
+        metres = world.move(0.01 * k, 2.0 + 0.05 * k).check().metres
+        assert metres == pytest.approx(6.5 - 0.05 * k, abs=0.06)
 
 
 @pytest.mark.parametrize('step', [6.0, 0.1])
@@ -167,11 +166,9 @@ def test_robot_that_goes_back_does_not_get_to_the_end_of_its_lap(step):
     world = at_start(box(4, -0.5))
     corners = [(0.0, 0.0), (6.0, 0.0), (6.0, 6.0), (0.0, 6.0), (0.0, 0.0)]
     world.plan([(*place, 1e-9) for place in along(corners, step)])
-    for time, (x, metres) in enumerate(((1.0, 2.5), (0.5, 2.5), (0.0, 3.5), (0.5, 3.0))):
-        world.move(time, x)
-        assert world.check().metres == pytest.approx(metres, abs=1e-3)
-    world.move(4.0, 2.0)
-    assert world.check().metres == pytest.approx(1.5, abs=1e-3)
+    for time, x, metres in ((0, 1.0, 2.5), (1, 0.5, 2.5), (2, 0.0, 3.5), (3, 0.5, 3.0),
+                            (4, 2.0, 1.5)):
+        assert world.move(time, x).check().metres == pytest.approx(metres, abs=1e-3)
 
 
 def test_two_poses_are_a_path_and_one_is():

@@ -17,13 +17,12 @@ import time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from harness import APART, box, LASTING, ROBOT, SECOND, to_ns, TOUCHING, values
 import numpy as np
-
+import pytest
 from rclpy.serialization import deserialize_message
 from sat_collision import KERNEL
 from sat_collision.geometry.sets.packed_set import PackedSet
 from sat_collision.messages import outputs
 from sat_collision.messages.markers import Markers
-from sat_collision.messages.outputs import contact_cloud
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import FootprintSettings, Settings
 from std_msgs.msg import Float64
@@ -34,16 +33,32 @@ def namespaces(message):
     return {marker.ns for marker in message.markers if marker.action == Marker.ADD}
 
 
-def test_late_subscriber_gets_all_markers(start):
-    """They are repeated without any change."""
+def drawn(monitor):
+    """Return the namespaces of the last markers, none before the first."""
+    received = monitor.listen('~/markers')
+    return namespaces(received[-1]) if received else set()
+
+
+def calls_of(monkeypatch, owner, name):
+    """Return a list that grows with each call of a function."""
+    calls = []
+    function = getattr(owner, name)
+    monkeypatch.setattr(owner, name, lambda *a, **b: calls.append(1) or function(*a, **b))
+    return calls
+
+
+def test_late_subscriber_gets_all_markers(start, monkeypatch):
+    """They are repeated without any change, and not drawn again."""
+    calls = calls_of(monkeypatch, Markers, 'message')
     monitor = start(**LASTING)
     monitor.become('collision', TOUCHING)
-    received = monitor.markers()
-    monitor.until(lambda: len(received) > 2, 'markers')
-    first, *others = received
+    first, *others = monitor.further('~/markers', 3)
     assert first.markers[0].action == Marker.DELETEALL
     assert {'footprint/fill', 'obstacle/outline', 'footprint/name'} <= namespaces(first)
     assert all(namespaces(other) == namespaces(first) for other in others)
+    count = len(calls)
+    monitor.further('~/markers', 3)
+    assert len(calls) == count
 
 
 def test_states_are_all_new_where_a_subscriber_comes_amid_figures(start):
@@ -68,26 +83,24 @@ def test_states_are_all_new_where_a_subscriber_comes_amid_figures(start):
 
 def test_markers_follow_the_scene(start):
     monitor = start(marker_rate=50.0, **LASTING)
-    received = monitor.markers()
-    monitor.until(lambda: received and not namespaces(received[-1]), 'an empty picture')
-    monitor.send('footprint', ROBOT)
-    monitor.send_set('obstacles', TOUCHING)
-    monitor.until(lambda: 'contacts/points' in namespaces(received[-1]))
+    received = monitor.listen('~/markers')
+    monitor.until(lambda: received and not drawn(monitor), 'an empty picture')
+    monitor.send_both(TOUCHING)
+    monitor.until(lambda: 'contacts/points' in drawn(monitor))
     monitor.send_set('obstacles', APART)
-    monitor.until(lambda: 'nearest/axis' in namespaces(received[-1])
-                  and 'contacts/points' not in namespaces(received[-1]))
+    monitor.until(lambda: drawn(monitor) & {'nearest/axis', 'contacts/points'} == {'nearest/axis'})
     monitor.send_set('obstacles', box(7, 7))
     monitor.until(lambda: any(marker.ns == 'obstacle/outline' and marker.points[0].x >= 7
                               for marker in received[-1].markers), 'the obstacle where it is')
     assert monitor.set_parameters(obstacle__enabled=False) == [None]
-    monitor.until(lambda: namespaces(received[-1]) == {
+    monitor.until(lambda: drawn(monitor) == {
         'footprint/fill', 'footprint/outline', 'footprint/name'})
 
 
 def test_obstacles_that_are_too_old_leave_the_markers(start):
     """Where no message comes, and the second one changes no state: that is unknown by then."""
     monitor = start(marker_rate=50.0, **{**LASTING, 'obstacle__timeout': 4.0})
-    received = monitor.markers()
+    received = monitor.listen('~/markers')
     monitor.become('clear', APART)
     stamp = monitor.now()
     for points, age in ((APART, 0.0), (box(7, 7), 1.7), (box(9, 9), 1.9), ([], 0.0)):
@@ -96,21 +109,6 @@ def test_obstacles_that_are_too_old_leave_the_markers(start):
         monitor.until(lambda: 8 * left == sum(
             len(marker.points) for marker in received[-1].markers
             if marker.ns == 'obstacle/outline'), f'{left} obstacles')
-
-
-def test_no_markers_are_made_without_a_subscriber(start, monkeypatch):
-    calls = []
-    message = Markers.message
-    monkeypatch.setattr(Markers, 'message', lambda *a: calls.append(1) or message(*a))
-    monitor = start(**LASTING)
-    monitor.become('clear', APART)
-    monitor.spin(0.3)
-    assert not calls
-    monitor.until(monitor.markers)
-    count = len(calls)
-    assert count
-    monitor.spin(0.3)
-    assert len(calls) == count, 'nothing has changed since'
 
 
 def test_drawing_takes_no_more_than_a_tenth_of_the_time(start, monkeypatch):
@@ -125,29 +123,23 @@ def test_drawing_takes_no_more_than_a_tenth_of_the_time(start, monkeypatch):
 
     monkeypatch.setattr(Markers, 'message', slow)
     monitor = start(**LASTING)
-    received = monitor.markers()
-
-    def is_drawn_often():
-        monitor.send('footprint', ROBOT)
-        monitor.spin(0.03)
-        return len(begun) > 3
-
-    monitor.until(is_drawn_often, 'markers of moving bodies')
+    received = monitor.listen('~/markers')
+    monitor.repeat(lambda: monitor.send('footprint', ROBOT), lambda: len(begun) > 3,
+                   'markers of moving bodies')
     assert min(np.diff(begun)) >= 0.4
     assert len(received) > len(begun)
 
 
 def test_points_of_contact_are_published_to_subscribers(start, monkeypatch):
     """With the stamp of the state that names the obstacle; none are made before."""
-    calls = []
-    monkeypatch.setattr(outputs, 'contact_cloud', lambda *a: calls.append(1) or contact_cloud(*a))
+    calls = calls_of(monkeypatch, outputs, 'contact_cloud')
     monitor = start(**LASTING)
     monitor.become('collision', TOUCHING)
     assert not calls
     clouds, states = monitor.listen('~/footprint/contacts'), monitor.listen('~/state')
-    both = monitor.until(lambda: [(cloud, state) for cloud in clouds for state in states
-                                  if cloud.header.stamp == state.header.stamp], 'one stamp')
-    cloud, state = both[0]
+    cloud, state = monitor.until(lambda: [
+        (cloud, state) for cloud in clouds for state in states
+        if cloud.header.stamp == state.header.stamp], 'one stamp')[0]
     assert cloud.width == 1 and cloud.header.frame_id == 'map'
     point = np.frombuffer(bytes(cloud.data), np.float32)
     assert point[:3].tolist() == [1, 1, 0] and np.hypot(*point[3:5]) == 1 and point[6] == 0
@@ -160,32 +152,40 @@ def drive(monitor, condition, what):
     """Move a robot at 1 m/s until a condition holds; it starts again every second."""
     begun = monitor.now()
 
-    def there():
+    def send():
         stamp = monitor.now()
-        x = (stamp - begun) % SECOND / SECOND
-        monitor.send('footprint', [(x + u, v) for u, v in ROBOT], stamp)
-        monitor.spin(0.05)
-        return condition()
-    monitor.until(there, what)
+        monitor.send('footprint', box((stamp - begun) % SECOND / SECOND, 0), stamp)
+    monitor.repeat(send, condition, what)
 
 
-def test_time_to_collision_is_published_to_subscribers(start, monkeypatch):
-    """It is NaN at first; before that nothing is predicted and no motion tracked."""
-    calls = []
-    first_met = PackedSet.first_met
+@pytest.mark.parametrize('owner, function, topic', [
+    (Markers, 'message', '~/markers'), (Scene, 'nearest', '~/footprint/separation'),
+    (PackedSet, 'first_met', '~/footprint/time_to_collision')],
+    ids=['markers', 'separation', 'time to collision'])
+def test_figures_are_computed_only_for_subscribers(start, monkeypatch, owner, function, topic):
+    """Those of points of contact are there in each case."""
     monitor = start(**LASTING)
     monitor.until(lambda: monitor.monitor._outputs.measures, 'kernels')
-    monkeypatch.setattr(PackedSet, 'first_met',
-                        lambda *a, **b: calls.append(1) or first_met(*a, **b))
+    calls = calls_of(monkeypatch, owner, function)
+    monitor.listen('~/footprint/contacts')
+    monitor.send_set('obstacles', box(3, 0))
+    drive(monitor, lambda: monitor.flag() is False and monitor.health(), 'a clear state')
+    monitor.spin(0.3)
+    assert not calls
+    monitor.listen(topic)
+    drive(monitor, lambda: calls, 'a figure')
+
+
+def test_time_to_collision_is_published_to_subscribers(start):
+    """It is NaN at first; before that no motion is tracked."""
+    monitor = start(**LASTING)
     monitor.send_set('obstacles', box(3, 0))
     drive(monitor, lambda: monitor.flag() is False, 'a clear state')
-    monitor.spin(0.3)
     scene = monitor.monitor._scene
-    assert not calls and not scene.tracks_motion
-    assert scene.velocity('footprint') == ''
+    assert not scene.tracks_motion and scene.velocity('footprint') == ''
     times = monitor.listen('~/footprint/time_to_collision')
     drive(monitor, lambda: times and times[-1].data < 3.0, 'a time')
-    assert math.isnan(times[0].data) and calls
+    assert math.isnan(times[0].data)
     assert all(math.isnan(time.data) or 0.0 < time.data <= 3.0 or time.data == math.inf
                for time in times)
     assert monitor.set_parameters(horizon=0.0) == [None]
@@ -204,20 +204,19 @@ def test_states_and_markers_of_an_imminent_collision(start):
     shown = values(status)
     assert 1.0 < float(shown['time to collision']) <= 2.5
     assert shown['first contact with'] == 'obstacle/0'
-    assert re.match(r'1\.0\d\d m/s|0\.9\d\d m/s', shown['velocity'])
-    assert shown['velocity'].endswith('rad/s by footprints')
+    assert re.match(r'(1\.0|0\.9)\d\d m/s.* rad/s by footprints$', shown['velocity'])
     drive(monitor, lambda: monitor.flag() and monitor.flag('footprint'), 'flags')
-    drive(monitor, lambda: monitor.markers() and namespaces(monitor.markers()[-1]) >= {
-        'footprint/ahead', 'footprint/time'} and any(
-            marker.text == 'footprint: imminent' for marker in monitor.markers()[-1].markers),
+    markers = monitor.listen('~/markers')
+    drive(monitor, lambda: drawn(monitor) >= {'footprint/ahead', 'footprint/time'} and any(
+        marker.text == 'footprint: imminent' for marker in markers[-1].markers),
         'a way ahead, in the markers of an imminent collision')
     for _ in range(2):
         monitor.send('footprint', ROBOT)
         monitor.spin(0.1)
     monitor.await_state('clear')
-    monitor.until(lambda: monitor.flag() is False and 'footprint/ahead' not in namespaces(
-        monitor.markers()[-1]), 'a lowered flag')
-    assert values(monitor.status())['time to collision'] == 'inf'
+    monitor.until(lambda: monitor.flag() is False and 'footprint/ahead' not in drawn(monitor),
+                  'a lowered flag')
+    assert monitor.value('time to collision') == 'inf'
 
 
 def test_way_ahead_does_not_stay_when_nothing_is_received(start):
@@ -226,12 +225,11 @@ def test_way_ahead_does_not_stay_when_nothing_is_received(start):
     monitor.listen('~/footprint/time_to_collision')
     monitor.send('footprint', ROBOT)
     monitor.send_set_until('clear', 'obstacles', box(3, 0))
-    drive(monitor, lambda: monitor.markers() and 'footprint/ahead' in namespaces(
-        monitor.markers()[-1]), 'a way ahead')
+    drive(monitor, lambda: 'footprint/ahead' in drawn(monitor), 'a way ahead')
     monitor.until(lambda: re.fullmatch(r'unknown: its last place is of \d\.\d s ago',
-                                       values(monitor.status())['velocity']), 'silence')
+                                       monitor.value('velocity')), 'silence')
     # Long before the obstacle is too old, for which all is drawn anew.
-    monitor.until(lambda: 'footprint/ahead' not in namespaces(monitor.markers()[-1]), 'an end', 10)
+    monitor.until(lambda: 'footprint/ahead' not in drawn(monitor), 'an end', 10)
 
 
 def test_time_to_collision_with_a_moving_obstacle(start):
@@ -241,24 +239,21 @@ def test_time_to_collision_with_a_moving_obstacle(start):
     times = monitor.listen('~/footprint/time_to_collision')
     begun = monitor.now()
 
-    def advance(count=4):
-        """Move it at 1 m/s, starting again every second, with a number of corners."""
+    def advance(corners):
+        """Move it at 1 m/s, starting again every second, with the next number of corners."""
         stamp = monitor.now()
         x = 3.0 - (stamp - begun) % SECOND / SECOND
         monitor.send('footprint', ROBOT, stamp)
-        monitor.send('obstacles', box(x)[:count], stamp, instance=7)
-        monitor.spin(0.05)
-        return values(monitor.status()) if monitor.status() else {}
-    found = monitor.until(lambda: advance().get('first contact with') == 'obstacle/7'
-                          and advance(), 'a predicted contact')
-    assert found['obstacles of unknown motion'] == ''
-    monitor.until(lambda: advance() and 0.0 < times[-1].data < 3.0, 'a time')
-    corners = itertools.cycle((3, 4))
-    found = monitor.until(lambda: (
-        now := advance(next(corners)))['obstacles of unknown motion'] and now, 'unknown motion')
-    assert found['obstacles of unknown motion'] == 'obstacle/7'
-    assert found['time to collision'] == found['first contact with'] == ''
-    monitor.until(lambda: advance(next(corners)) and math.isnan(times[-1].data), 'no time')
+        monitor.send('obstacles', box(x)[:next(corners)], stamp, instance=7)
+
+    for corners, expected, is_time in (
+            (itertools.repeat(4), ('obstacle/7', ''), lambda seconds: 0.0 < seconds < 3.0),
+            (itertools.cycle((3, 4)), ('', 'obstacle/7'), math.isnan)):
+        keys = 'first contact with', 'obstacles of unknown motion'
+        monitor.repeat(lambda: advance(corners), lambda: expected == tuple(
+            map(monitor.value, keys)), f'{keys}: {expected}')
+        assert bool(monitor.value('time to collision')) is bool(expected[0])
+        monitor.repeat(lambda: advance(corners), lambda: is_time(times[-1].data), 'a time')
 
 
 def test_health_reports_rates_rejections_check_time_and_kernel(start):
@@ -287,17 +282,25 @@ def test_health_reports_rates_rejections_check_time_and_kernel(start):
 
 def test_parameters_change_a_running_node(start):
     monitor = start(publish_rate=5.0, **LASTING)
-    monitor.become('collision', TOUCHING)
+    monitor.become('clear', box(1.25, 0))
+    assert monitor.set_parameters(margin=0.25) == [None]
+    monitor.await_state('collision')
+    assert monitor.contacts() == ['obstacle/0']
+    monitor.until_flags(True)
+    assert monitor.set_parameters(margin=0.125) == [None]
+    monitor.await_state('clear')
+    monitor.until_flags(False)
     assert monitor.set_parameters(enabled=False) == [None]
     monitor.await_state('unknown')
-    monitor.until(monitor.flag)
+    monitor.until_flags(True)
     assert monitor.set_parameters(unknown_is_collision=False) == [None]
-    monitor.until(lambda: monitor.flag() is False and monitor.flag('footprint') is False)
+    monitor.until_flags(False)
     assert monitor.set_parameters(enabled=True) == [None]
     monitor.send_set_until('collision', 'obstacles', TOUCHING)
+    monitor.until_flags(True)
     assert monitor.set_parameters(footprint__enabled=False) == [None]
     monitor.await_state('unknown')
-    monitor.until(lambda: monitor.flag() is False)
+    monitor.until_flags(False)
     assert monitor.set_parameters(unknown_is_collision=True) == [None]
     monitor.until(monitor.flag, 'the flag when nothing is watched')
     states = monitor.listen('~/state')
@@ -307,47 +310,31 @@ def test_parameters_change_a_running_node(start):
                   < SECOND // 2, 'more states')
 
 
-def test_new_margin_changes_contacts(start):
-    """Nothing has moved; a margin that is refused changes none."""
-    monitor = start(**LASTING)
-    monitor.become('clear', box(1.25, 0))
-    assert monitor.set_parameters(margin=0.25) == [None]
-    monitor.await_state('collision')
-    assert monitor.contacts() == ['obstacle/0']
-    monitor.until(monitor.flag)
-    assert monitor.set_parameters(margin=-1.0) != [None]
-    assert monitor.set_parameters(margin=0.125) == [None]
-    monitor.await_state('clear')
-    monitor.until(lambda: monitor.flag() is False)
-
-
 AHEAD = box(5, 0)
 OVERLAPPING = box(0.75, 0)
 
 
-def level(monitor, name):
-    status = monitor.diagnostic(name)
-    return status and status.level
-
-
 def test_contact_and_unknown_reach_diagnostics(start):
-    """With the node's full name, so that two robots do not mix."""
+    """With the node's full name, so that two robots do not mix; topics are in its namespace."""
     monitor = start(['-r', '__ns:=/robot1'], **LASTING)
     monitor.name = 'robot1/footprint_monitor'
-    name = '/robot1/footprint_monitor: footprint'
-    monitor.until(lambda: level(monitor, name) == DiagnosticStatus.STALE, 'unknown')
-    assert 'has no publisher' in monitor.diagnostic(name).message
+
+    def reported(level):
+        status = monitor.diagnostic('/robot1/footprint_monitor: footprint')
+        return status and status.level == level and status
+    unknown = monitor.until(lambda: reported(DiagnosticStatus.STALE), 'unknown')
+    assert 'has no publisher' in unknown.message
     monitor.send_set('/robot1/obstacles', OVERLAPPING)
     monitor.send_until('collision', '/robot1/footprint', ROBOT)
-    monitor.until(lambda: level(monitor, name) == DiagnosticStatus.ERROR
-                  and not values(monitor.diagnostic(name))['reason'], 'a contact')
-    status = monitor.diagnostic(name)
+    monitor.until_flags(True)
+    status = monitor.until(lambda: (status := reported(DiagnosticStatus.ERROR))
+                           and not values(status)['reason'] and status, 'a contact')
     assert status.message == 'in contact with obstacle/0'
     assert status.hardware_id == '/robot1/footprint'
     assert values(status) == {'state': 'collision', 'obstacles in contact': 'obstacle/0',
                               'reason': ''}
     monitor.send_set('/robot1/obstacles', AHEAD)
-    monitor.until(lambda: level(monitor, name) == DiagnosticStatus.OK, 'clear')
+    monitor.until(lambda: reported(DiagnosticStatus.OK), 'clear')
     assert monitor.health().name == '/robot1/footprint_monitor: health'
 
 
@@ -355,20 +342,19 @@ def test_health_warns_of_a_silent_source(start):
     """No publisher, then a good one, then silence, then a good one again."""
     monitor = start(footprint__timeout=0.0, obstacle__timeout=1.5)
 
-    def warned(words):
-        health = monitor.health()
-        return health and health.level == DiagnosticStatus.WARN and words in health.message
+    def until_warned(words):
+        monitor.until(lambda: (health := monitor.health()) and words in health.message
+                      and health.level == DiagnosticStatus.WARN, f'a warning: {words}')
 
-    def well():
-        monitor.send_set('/obstacles', AHEAD)
-        monitor.spin(0.1)
-        return monitor.health().level == DiagnosticStatus.OK
-    monitor.until(lambda: warned('/obstacles has no publisher'), 'a warning')
+    def until_well():
+        monitor.repeat(lambda: monitor.send_set('/obstacles', AHEAD),
+                       lambda: monitor.health().level == DiagnosticStatus.OK, 'health')
+    until_warned('/obstacles has no publisher')
     monitor.send('/footprint', ROBOT)
-    monitor.until(well, 'health')
+    until_well()
     assert monitor.health().message == 'running'
-    monitor.until(lambda: warned('/obstacles has been silent'), 'a warning')
-    monitor.until(well, 'health again')
+    until_warned('/obstacles has been silent')
+    until_well()
 
 
 def test_separation_follows_the_scene(start):
@@ -376,34 +362,13 @@ def test_separation_follows_the_scene(start):
     monitor = start(footprint__timeout=1.0, obstacle__timeout=60.0)
     received = monitor.listen('~/footprint/separation')
 
-    def until(value, what):
-        def is_so():
-            if not math.isnan(value):
-                monitor.send('/footprint', ROBOT)
-                monitor.spin(0.02)
-            return received and (received[-1].data == value
-                                 or math.isnan(value) and math.isnan(received[-1].data))
-        monitor.until(is_so, what)
-    until(math.nan, 'nothing known')
-    monitor.send_set('/obstacles')
-    until(math.inf, 'nothing around')
-    monitor.send_set('/obstacles', AHEAD)
-    until(4.0, 'a gap')
-    monitor.send_set('/obstacles', OVERLAPPING)
-    until(-0.25, 'a depth')
+    def until_nan():
+        monitor.until(lambda: received and math.isnan(received[-1].data), 'nothing known')
+    until_nan()
+    for obstacles, separation in (([], math.inf), ([AHEAD], 4.0), ([OVERLAPPING], -0.25)):
+        monitor.send_set('/obstacles', *obstacles)
+        monitor.repeat(lambda: monitor.send('/footprint', ROBOT),
+                       lambda: received[-1].data == separation, f'a separation of {separation}')
     monitor.await_state('unknown')
-    until(math.nan, 'a stale footprint')
-    assert values(monitor.status())['least separation'] == ''
-
-
-def test_separation_is_computed_only_for_subscribers(start, monkeypatch):
-    calls = []
-    nearest = Scene.nearest
-    monkeypatch.setattr(Scene, 'nearest', lambda *a, **b: calls.append(1) or nearest(*a, **b))
-    monitor = start(**LASTING)
-    monitor.send_set('/obstacles', AHEAD)
-    monitor.send('/footprint', ROBOT)
-    monitor.until(lambda: monitor.flag() is False)
-    monitor.until(monitor.health)
-    assert not calls
-    monitor.until(lambda: monitor.listen('~/footprint/separation') and calls)
+    until_nan()
+    assert monitor.value('least separation') == ''

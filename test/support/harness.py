@@ -119,6 +119,14 @@ class Peer:
             self.spin()
         return value
 
+    def repeat(self, send, condition, what='what was awaited', timeout=TIMEOUT):
+        """Call a function that sends again and again until a condition holds; return its value."""
+        def sent():
+            send()
+            self.spin(0.03)
+            return condition()
+        return self.until(sent, what, timeout)
+
     def publisher(self, topic, kind=PolygonStamped, qos=100):
         """Return a publisher that the monitor has found."""
         if topic not in self._publishers:
@@ -143,6 +151,15 @@ class Peer:
             self.send(topic, points, stamp, **options)
             stamp = self._last_stamps[topic] if stamp is None else stamp
 
+    def send_both(self, *polygons, stamp=None):
+        """Publish the footprint and a set of obstacles."""
+        self.send('footprint', ROBOT, stamp)
+        self.send_set('obstacles', *polygons, stamp=stamp)
+
+    def leave(self, topic):
+        """Destroy our publisher of a topic."""
+        self.node.destroy_publisher(self._publishers.pop(topic))
+
     def now(self):
         return self.node.get_clock().now().nanoseconds
 
@@ -160,6 +177,13 @@ class Peer:
                        and self._matches_subscription(topic), f'a publisher of {topic}')
         return self._received[topic]
 
+    def further(self, topic, count=4):
+        """Wait for some more messages on a topic; return them."""
+        received = self.listen(topic)
+        before = len(received)
+        self.until(lambda: len(received) >= before + count, f'messages on {topic}')
+        return received[before:]
+
     def _matches_publisher(self, topic):
         """Tell whether the monitor has found our publisher."""
         return True
@@ -173,6 +197,12 @@ class Peer:
         received = self.listen(f'~/{footprint}/collision' if footprint else '~/collision')
         return received[-1].data if received else None
 
+    def until_flags(self, raised, *footprints):
+        """Wait until the common flag and those of footprints are raised or not."""
+        self.until(lambda: all(self.flag(name) is raised
+                               for name in (None, *(footprints or ['footprint']))),
+                   f'flags {raised}')
+
     def status(self, footprint='footprint'):
         """Return the last status received of a footprint."""
         for array in reversed(self.listen('~/state')):
@@ -181,20 +211,28 @@ class Peer:
                     return status
         return None
 
-    def state(self, footprint='footprint'):
-        """Return a footprint's state: clear, collision or unknown; None before the first."""
+    def value(self, key, footprint='footprint'):
+        """Return a value of a footprint's last status, empty before the first."""
         status = self.status(footprint)
-        return values(status)['state'] if status else None
+        return values(status)[key] if status else ''
+
+    def state(self, footprint='footprint'):
+        """Return a footprint's state: clear, collision or unknown; empty before the first."""
+        return self.value('state', footprint)
 
     def contacts(self, footprint='footprint'):
         """Return the names of the obstacles in contact."""
-        listed = values(self.status(footprint))['obstacles in contact']
+        listed = self.value('obstacles in contact', footprint)
         return listed.split(', ') if listed else []
 
     def reason(self, footprint='footprint'):
         """Return why a footprint's state is what it is; empty before the first."""
-        status = self.status(footprint)
-        return values(status)['reason'] if status else ''
+        return self.value('reason', footprint)
+
+    def until_reason(self, *words, timeout=TIMEOUT):
+        """Wait until the reason of the state has all these words."""
+        self.until(lambda: all(word in self.reason() for word in words), f'a reason with {words}',
+                   timeout)
 
     def states(self):
         """Return all states of the first footprint that were received, in order."""
@@ -226,33 +264,32 @@ class Peer:
 
     def become(self, state, *polygons):
         """Send the footprint and a set, and wait for a state; return its status."""
-        self.send('footprint', ROBOT)
-        self.send_set('obstacles', *polygons)
+        self.send_both(*polygons)
         return self.await_state(state)
 
     def send_until(self, state, topic, points, **options):
         """Publish a polygon repeatedly until the footprint is in a state."""
-        self._repeat_until(state, lambda: self.send(topic, points, **options))
+        self.repeat_until(state, lambda: self.send(topic, points, **options))
 
     def send_set_until(self, state, topic, *polygons, **options):
         """Publish a set repeatedly until the footprint is in a state."""
-        self._repeat_until(state, lambda: self.send_set(topic, *polygons, **options))
+        self.repeat_until(state, lambda: self.send_set(topic, *polygons, **options))
 
-    def _repeat_until(self, state, send):
-        def sent():
-            send()
-            self.spin(0.03)
-            return self.state() == state
-        self._until_in_state(sent, state, 'footprint', TIMEOUT)
+    def repeat_until(self, state, send):
+        """Call a function that sends again and again until the footprint is in a state."""
+        with self._last_state('footprint'):
+            self.repeat(send, lambda: self.state() == state, f'footprint {state}')
 
     def await_state(self, state, footprint='footprint', timeout=TIMEOUT):
         """Wait until the footprint's last state is the given one; return its status."""
-        self._until_in_state(lambda: self.state(footprint) == state, state, footprint, timeout)
+        with self._last_state(footprint):
+            self.until(lambda: self.state(footprint) == state, f'{footprint} {state}', timeout)
         return self.status(footprint)
 
-    def _until_in_state(self, condition, state, footprint, timeout):
+    @contextmanager
+    def _last_state(self, footprint):
         try:
-            self.until(condition, f'{footprint} {state}', timeout)
+            yield
         except AssertionError as error:
             raise AssertionError(f'{error}; the last state is {self.status(footprint)}') from None
 
@@ -277,9 +314,26 @@ def health(peer):
 
 
 class MonitorPeer(Peer):
-    """A peer in the process of the monitor, which knows what the monitor has found."""
+    """A peer in the process of a monitor, which knows what the monitor has found."""
 
-    monitor = None
+    def __init__(self, domain, arguments, parameters):
+        self._monitor_context = rclpy.Context()
+        self._monitor_context.init(args=['--ros-args', *arguments], domain_id=domain)
+        # Most tests send sets that an empty polygon ends.
+        ends = {f'{name}__set_end': 'empty_polygon'
+                for name in parameters.get('obstacles', ['obstacle'])
+                if '--params-file' not in arguments and f'{name}__type' not in parameters}
+        self.monitor = FootprintMonitor(
+            context=self._monitor_context,
+            # On a busy machine the loop of a test may stall for longer than a watchdog allows.
+            parameter_overrides=to_parameters({'watchdog': 0.0, **ends, **parameters}))
+        super().__init__(domain)
+
+    def close(self):
+        self.monitor.loop.close()
+        self.monitor.destroy_node()
+        self._monitor_context.shutdown()
+        super().close()
 
     def _matches_publisher(self, topic):
         topic = self.node.resolve_topic_name(topic)
@@ -295,22 +349,12 @@ class RunningMonitor(MonitorPeer):
     """A monitor that runs in its own thread, seen from a peer."""
 
     def __init__(self, domain, arguments, parameters):
-        self._monitor_context = rclpy.Context()
-        self._monitor_context.init(args=['--ros-args', *arguments], domain_id=domain)
-        # Most tests send sets that an empty polygon ends.
-        ends = {f'{name}__set_end': 'empty_polygon'
-                for name in parameters.get('obstacles', ['obstacle'])
-                if '--params-file' not in arguments and f'{name}__type' not in parameters}
-        self.monitor = FootprintMonitor(
-            context=self._monitor_context,
-            # On a busy machine the loop of a test may stall for longer than a watchdog allows.
-            parameter_overrides=to_parameters({'watchdog': 0.0, **ends, **parameters}))
+        super().__init__(domain, arguments, parameters)
         self._clock = 0
         self._stop = threading.Event()
         self._error = None
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
-        super().__init__(domain)
 
     def set_clock(self, stamp, at_once=False):
         """
@@ -366,9 +410,6 @@ class RunningMonitor(MonitorPeer):
     def close(self):
         self._stop.set()
         self._thread.join()
-        self.monitor.loop.close()
-        self.monitor.destroy_node()
-        self._monitor_context.shutdown()
         super().close()
         self._check()
 

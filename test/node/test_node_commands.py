@@ -56,7 +56,7 @@ def straight(length, count=2):
 
 
 class Robot:
-    """A robot that stands at 0, with slight noise, 1.5 m before a wall; one figure is received."""
+    """A robot that stands at 0, with slight noise, 1.5 m before a wall; one figure is heard."""
 
     def __init__(self, running, figure):
         self.running = running
@@ -263,7 +263,8 @@ def test_latched_plan_of_before_the_start_counts(planned, join):
     robot = planned()
     robot.until_figure(1.5)
     plans.publish(straight(9.0, 10_001))
-    robot.until_value('path contact', 'unknown: the last path on /plan was refused: too many poses')
+    robot.until_value(
+        'path contact', 'unknown: the last path on /plan was refused: too many poses')
     robot.until_figure(math.nan)
     assert robot.running.logged('footprint.path', 'too many poses', 'max_path_poses')
     assert robot.running.set_parameters(max_path_poses=20_000) == [None]

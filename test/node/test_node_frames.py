@@ -13,7 +13,7 @@ import time
 
 from builders import box, odometry, transforms
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
-from harness import health, Peer, values
+from harness import health
 from moving_scenes import FIXED, MovingScene, OUTLINE, WINDOW, WINDOWS
 from nav_msgs.msg import Odometry
 import oracle
@@ -30,38 +30,36 @@ def send_transforms(running, *links):
     running.publisher('/tf', PolygonStamped).publish(transforms(*links))
 
 
-def latch(running, *links):
-    running.publisher('/tf_static', PolygonStamped, LATCHED).publish(transforms(*links))
+def drive(running, x, state):
+    """Send the robot's transform, and an obstacle, until a state is there."""
+    def send():
+        send_transforms(running, ('odom', 'base', running.now(), x, 0.0))
+        running.send_set('/obstacles', box(9.0), frame_id='odom')
+    running.repeat_until(state, send)
 
 
 def test_bodies_are_placed_by_tf(start_with_tf):
     """The robot drives into an obstacle that its camera sees at rest."""
     running = start_with_tf()
-    latch(running, ('base', 'camera', 0, 0.5, 0.0))
+    running.publisher('/tf_static', PolygonStamped, LATCHED).publish(
+        transforms(('base', 'camera', 0, 0.5, 0.0)))
 
-    def drive(x):
+    def send(x):
         stamp = running.now()
         send_transforms(running, ('odom', 'base', stamp, x, 0.0))
         running.send('/footprint', box(0), stamp, 'base')
         running.send_set('/obstacles', box(4.5 - x), stamp=stamp, frame_id='camera')
-        running.spin(0.02)
 
-    def until(state, x):
-        running.until(lambda: drive(x) or running.state() == state, state)
-
-    until('clear', 0.0)
-    until('collision', 4.5)
-    until('clear', 6.5)
+    for x, state in ((0.0, 'clear'), (4.5, 'collision'), (6.5, 'clear')):
+        running.repeat_until(state, lambda: send(x))
 
 
-def test_static_transform_sent_before_the_start_is_received(domain, start_with_tf):
-    before = Peer(domain)
-    publisher = before.node.create_publisher(PolygonStamped, '/tf_static', LATCHED)
+def test_static_transform_sent_before_the_start_is_received(join, start_with_tf):
+    publisher = join('before').node.create_publisher(PolygonStamped, '/tf_static', LATCHED)
     publisher.publish(transforms(('odom', 'camera', 0, 0.5, 0.0)))
     running = start_with_tf()
     listener = running.monitor._monitor.transforms
     running.until(lambda: listener.received['/tf_static'], 'the latched transform')
-    before.close()
 
 
 def test_message_waits_for_its_transform(start_with_tf):
@@ -74,32 +72,20 @@ def test_message_waits_for_its_transform(start_with_tf):
     stamp = running.now()
     running.send_set('/obstacles', box(0.5), stamp=stamp, frame_id='base')
     running.until(lambda: running.received['obstacle'] == received + 2)
-    count = len(running.states())
-    running.until(lambda: len(running.states()) > count + 2)
+    running.further('~/state', 3)
     assert running.state() == 'collision'
     send_transforms(running, ('odom', 'base', stamp, 9.0, 0.0))
     running.await_state('clear')
     assert not running.monitor._monitor.rejected
 
 
-def test_missing_transform_is_logged(start_with_tf):
+def test_missing_and_invalid_transforms_are_logged(start_with_tf):
     running = start_with_tf()
     running.send_until('unknown', '/footprint', box(0), frame_id='base')
     line, = running.logged('no transform from base to odom: no good transform has come yet')[:1]
     assert line.startswith('footprint: a message on /footprint was rejected, unknown frame: ')
-
-
-def test_invalid_transform_is_logged(start_with_tf):
-    running = start_with_tf()
     send_transforms(running, ('odom', 'base', running.now(), float('nan'), 0.0))
     assert running.logged("the transform of 'base' in 'odom' by an unknown publisher")
-
-
-def test_missing_tf2_msgs_is_logged_once(start, without_tf2_msgs):
-    running = start(frame_id='odom')
-    assert len(running.logged('tf2_msgs is not installed (apt install ros-jazzy-tf2-msgs')) == 1
-    running.send_until('unknown', '/footprint', box(0), frame_id='base')
-    assert running.logged('other frame')
 
 
 def test_no_transforms_are_subscribed_to_without_a_fixed_frame(start_with_tf, start):
@@ -117,37 +103,24 @@ SQUARE = '[[0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5], [0.5, -0.5]]'
 SQUARE_OF_BASE = {'footprint__points': SQUARE, 'footprint__frame_id': 'base'}
 
 
-def drive(running, x, child='base', peer=None):
-    """Send the robot's transform, and an obstacle that is far away."""
-    (peer or running).publisher('/tf', PolygonStamped).publish(
-        transforms(('odom', child, running.now(), x, 0.0)))
-    running.send_set('/obstacles', box(9.0), frame_id='odom')
-    running.spin(0.02)
-
-
-def until(running, state, x):
-    running.until(lambda: drive(running, x) or running.state() == state, state)
-
-
 def test_outline_follows_tf(start_with_tf):
     running = start_with_tf(**SQUARE_OF_BASE)
-    until(running, 'clear', 0.0)
-    until(running, 'collision', 9.5)
-    until(running, 'clear', 8.0)
-    shown = values(running.status())
-    assert shown['frame'] == 'base' and 0.0 <= float(shown['age of transform']) < 60.0
+    for x, state in ((0.0, 'clear'), (9.5, 'collision'), (8.0, 'clear')):
+        drive(running, x, state)
+    assert running.value('frame') == 'base'
+    assert 0.0 <= float(running.value('age of transform')) < 60.0
     assert running.set_parameters(footprint__points='[[1.5, 0.5], [-0.5, 0.5], [-0.5, -0.5]]') == [
         None]
-    until(running, 'collision', 8.0)
-    reason, = running.set_parameters(footprint__points=[1.0, 2.0, 3.0])
-    assert reason == 'footprint.points has 3 numbers, but each point has two'
+    drive(running, 8.0, 'collision')
+    assert running.set_parameters(footprint__points=[1.0, 2.0, 3.0]) == [
+        'footprint.points has 3 numbers, but each point has two']
 
 
 def test_outline_follows_odometry(start, without_tf2_msgs):
     """Obstacles in the robot's frame are placed by it, too."""
     running = start(frame_id='odom', footprint__odometry='odom', **SQUARE_OF_BASE)
 
-    def report(x):
+    def send(x):
         data = odometry('odom', 'base', running.now(), x, 0.0)
         message = rclpy.serialization.deserialize_message(data, Odometry)
         # Padding bytes may differ.
@@ -155,55 +128,54 @@ def test_outline_follows_odometry(start, without_tf2_msgs):
             decode_odometry(data))
         running.publisher('/odom', Odometry).publish(message)
         running.send_set('/obstacles', box(9.0 - x), frame_id='base')
-        running.spin(0.02)
 
     for x, state in ((0.0, 'clear'), (9.0, 'collision'), (7.0, 'clear')):
-        running.until(lambda: report(x) or running.state() == state, state)
+        running.repeat_until(state, lambda: send(x))
 
 
-def test_outline_without_tf2_msgs_is_logged(start, without_tf2_msgs):
-    running = start(frame_id='odom', **SQUARE_OF_BASE)
-    assert running.logged('tf2_msgs is not installed', 'it is not known where footprint is')
+def test_missing_tf2_msgs_is_logged_once(start, without_tf2_msgs):
+    """A footprint in another frame than the fixed one is refused."""
+    running = start(frame_id='odom', footprints=['footprint', 'outline'],
+                    outline__points=SQUARE, outline__frame_id='base')
+    assert len(running.logged('tf2_msgs is not installed (apt install ros-jazzy-tf2-msgs',
+                              'it is not known where outline is')) == 1
+    running.send_until('unknown', '/footprint', box(0), frame_id='base')
+    assert running.logged('other frame')
 
 
-def test_two_publishers_of_a_frame_are_named(domain, start_with_tf):
+def test_two_publishers_of_a_frame_are_named(join, start_with_tf):
     """With their nodes; a frame that only one publishes is not named."""
     running = start_with_tf(**SQUARE_OF_BASE)
-    other = Peer(domain)
-    second = other.node.create_publisher(PolygonStamped, '/tf', 100)
+    second = join().node.create_publisher(PolygonStamped, '/tf', 100)
     running.until(lambda: second.get_subscription_count(), 'a subscription')
 
-    def both():
-        drive(running, 0.0)
-        second.publish(transforms(('odom', 'base', running.now(), 0.0, 0.0),
-                                  ('odom', 'arm', running.now(), 0.0, 0.0)))
-        return 'transforms of base: publishers took turns' in health(running)
-    running.until(both, 'two publishers')
+    def send():
+        stamp = running.now()
+        send_transforms(running, ('odom', 'base', stamp, 0.0, 0.0))
+        second.publish(transforms(('odom', 'base', stamp, 0.0, 0.0),
+                                  ('odom', 'arm', stamp, 0.0, 0.0)))
+    running.repeat(send, lambda: 'transforms of base: publishers took turns' in health(running),
+                   'two publishers')
     assert 'transforms of arm: publishers took turns' not in health(running)
     assert float(health(running)['transforms: rate [Hz]']) > 1.0
     assert 'of /peer, sends base' in running.health().message.replace('/peer, /peer', '/peer')
-    other.close()
 
 
-KINDS = {'/obstacles': PolygonInstanceStamped}
-
-
-def parameters():
-    return {'footprints': ['robot', 'cart'], 'obstacles': ['seen'], 'robot__topic': '/footprint',
-            'robot__timeout': 0.0, 'cart__timeout': 0.0, 'cart__frame_id': 'base',
-            'cart__points': [number for corner in OUTLINE
-                             for number in (corner.real, corner.imag)],
-            'cart__rate': 1000.0, 'seen__topic': '/obstacles', 'seen__type': 'polygon_instance',
-            'seen__timeout': 60.0, 'transform_timeout': 9.0, 'future_tolerance': 60.0}
+PARAMETERS = {
+    'footprints': ['robot', 'cart'], 'obstacles': ['seen'], 'robot__topic': '/footprint',
+    'robot__timeout': 0.0, 'cart__timeout': 0.0, 'cart__frame_id': 'base',
+    'cart__points': [number for corner in OUTLINE for number in (corner.real, corner.imag)],
+    'cart__rate': 1000.0, 'seen__topic': '/obstacles', 'seen__type': 'polygon_instance',
+    'seen__timeout': 60.0, 'transform_timeout': 9.0, 'future_tolerance': 60.0}
 
 
 @pytest.mark.parametrize('seed', (0, 7))
 def test_contacts_match_the_true_poses(start_with_tf, seed):
     """In whatever order messages arrive; by the end of each window all have."""
-    running = start_with_tf(**parameters())
-    publishers = {topic: running.publisher(topic, KINDS.get(topic, PolygonStamped), qos)
-                  for topic, qos in (('/tf', 100), ('/tf_static', LATCHED), ('/footprint', 100),
-                                     ('/obstacles', 100))}
+    running = start_with_tf(**PARAMETERS)
+    publishers = {topic: running.publisher(topic, kind, qos) for topic, kind, qos in (
+        ('/tf', PolygonStamped, 100), ('/tf_static', PolygonStamped, LATCHED),
+        ('/footprint', PolygonStamped, 100), ('/obstacles', PolygonInstanceStamped, 100))}
     running.listen('~/state')
     scene = MovingScene(seed, running.now())
     events = list(reversed(scene.moving))
@@ -225,35 +197,24 @@ def test_contacts_match_the_true_poses(start_with_tf, seed):
     assert FIXED == running.monitor._scene.frame_id
 
 
+ROUND_BASE = {'footprint__radius': 0.5, 'footprint__frame_id': 'base'}
+
+
 def test_start_without_transforms_logs_what_to_do(start_with_tf):
-    running = start_with_tf(footprint__radius=0.5, footprint__frame_id='base',
-                            arguments=('-r', '/tf:=/robot/tf'))
-    assert running.logged('unknown since the start: ', ' /robot/tf has no publisher: start what')
-
-
-def test_publisher_of_a_remapped_tf_is_found(start_with_tf):
-    running = start_with_tf(footprint__radius=0.5, footprint__frame_id='base',
-                            arguments=('-r', '/tf:=/robot/tf'))
-    running.until(lambda: '/robot/tf has no publisher' in running.reason())
+    """Until a publisher of the remapped topic is found."""
+    running = start_with_tf(**ROUND_BASE, arguments=('-r', '/tf:=/robot/tf'))
+    missing = '/robot/tf has no publisher'
+    running.until_reason(missing)
+    assert running.logged('unknown since the start: ', f' {missing}: start what')
     running.publisher('/robot/tf', PolygonStamped)
-    running.until(lambda: '/robot/tf has no publisher' not in running.reason(), timeout=5.0)
-
-
-def test_start_with_transforms_of_other_frames_logs_what_to_do(start_with_tf):
-    running = start_with_tf(footprint__radius=0.5, footprint__frame_id='base')
-    send_transforms(running, ('odom', 'other', running.now(), 0.0, 0.0))
-    assert running.logged('footprint: a message on /tf was rejected, unknown frame: ',
-                          'only odom, other; correct the frame_id, or publish its transform on')
+    running.until(lambda: missing not in running.reason(), timeout=5.0)
 
 
 def test_lack_of_transforms_says_what_is_lacking(start_with_tf, join):
     """Nothing published, another type, a QoS that does not fit; and a frame nobody tells of."""
-    running = start_with_tf(footprint__radius=0.5, footprint__frame_id='base')
+    running = start_with_tf(**ROUND_BASE)
     peer = join('localisation')
-
-    def until_said(*words, of=running.reason):
-        running.until(lambda: all(word in of() for word in words), words)
-    until_said('has not been received yet', '/tf has no publisher')
+    running.until_reason('has not been received yet', '/tf has no publisher')
     best_effort = QoSProfile(depth=9, reliability=ReliabilityPolicy.BEST_EFFORT)
     for kind, topic, qos, words in (
             (Bool, '/tf', 9, 'of another type, std_msgs/msg/Bool, where '),
@@ -261,8 +222,11 @@ def test_lack_of_transforms_says_what_is_lacking(start_with_tf, join):
             (PolygonStamped, '/tf_static', 9, 'it is volatile, the subscription transient local')):
         publisher = peer.node.create_publisher(kind, topic, qos)
         words = f'{topic} has a publisher, /localisation, ', words
-        until_said(*words)
-        until_said(*words, of=lambda: running.health() and running.health().message or '')
+        running.until_reason(*words)
+        running.until(lambda: running.health() and all(
+            word in running.health().message for word in words), words)
         peer.node.destroy_publisher(publisher)
     send_transforms(running, ('odom', 'other', running.now(), 0.0, 0.0))
-    until_said('no good transform has named base yet, only odom, other')
+    running.until_reason('no good transform has named base yet, only odom, other')
+    assert running.logged('footprint: a message on /tf was rejected, unknown frame: ',
+                          'only odom, other; correct the frame_id, or publish its transform on')

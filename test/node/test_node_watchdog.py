@@ -17,7 +17,7 @@ import time
 
 from builders import odometry, serialised
 from geometry_msgs.msg import PolygonStamped, Twist
-from harness import APART, box, health, ROBOT, values
+from harness import APART, box, health, LASTING, ROBOT, values
 from nav_msgs.msg import Odometry
 import pytest
 from rclpy.duration import Duration
@@ -29,21 +29,20 @@ from std_msgs.msg import Bool
 class Stall:
     """Blocks a monitor's loop from its next tick until it is released."""
 
-    def __init__(self, monitor):
-        self._monitor = monitor
+    def __init__(self, running):
+        self._monitor = running.monitor
         self._released = threading.Event()
-        self.begun = threading.Event()
-        self._tick = monitor.tick
-        monitor.tick = self._hang
+        self._begun = threading.Event()
+        self._tick = self._monitor.tick
+        self._monitor.tick = self._hang
+        self.release = self._released.set
+        running.until(self._begun.is_set)
 
     def _hang(self, now):
-        self.begun.set()
+        self._begun.set()
         self._released.wait()
         del self._monitor.tick
         return self._tick(now)
-
-    def release(self):
-        self._released.set()
 
 
 @pytest.fixture
@@ -52,63 +51,60 @@ def stall():
     stalls = []
 
     def stall(running):
-        stalls.append(Stall(running.monitor))
-        running.until(stalls[-1].begun.is_set)
+        stalls.append(Stall(running))
         return stalls[-1]
     yield stall
     for one in stalls:
         one.release()
 
 
-def clear(running):
-    """Bring the monitor to a clear state."""
-    running.send_set('obstacles', box(5, 5))
-    running.send_until('clear', 'footprint', box(0, 0))
-    running.until(lambda: running.flag() is False)
+@pytest.fixture
+def start_clear(start):
+    """Start a monitor, with more parameters, that is in a clear state."""
+    def start_clear(**parameters):
+        running = start(**{**LASTING, 'watchdog': 1.0, **parameters})
+        running.send_set('obstacles', APART)
+        running.send_until('clear', 'footprint', ROBOT)
+        running.until_flags(False)
+        return running
+    return start_clear
 
 
-PARAMETERS = {'footprint__timeout': 0.0, 'obstacle__timeout': 60.0, 'watchdog': 1.0}
-
-
-def test_stalled_loop_raises_the_flags(start, stall):
+def test_stalled_loop_raises_the_flags(start_clear, stall):
     """All flags are raised and all states unknown until the loop continues."""
-    running = start(**PARAMETERS)
-    clear(running)
-    assert running.flag('footprint') is not True
+    running = start_clear()
     running.logged('footprint: ')
     running.listen('/diagnostics')
-    running.until(lambda: running.listen('~/footprint/separation'))
+    separations = running.listen('~/footprint/separation')
+    running.until(lambda: separations)
     begun = time.monotonic()
     stalled = stall(running)
-    running.until(lambda: running.flag() and running.flag('footprint'), 'flags raised')
+    running.until_flags(True)
     status = running.await_state('unknown')
-    assert status.level == b'\x03' and 'stalled for' in values(status)['reason']
+    assert status.level == b'\x03' and 'stalled for' in running.reason()
     words = running.logged('stalled for', 'all flags are raised')[0]
     longest = time.monotonic() - begun + 1.0
     assert 1.0 <= float(words.split('stalled for ')[1].split(' s')[0]) < longest
     running.until(lambda: running.health() and 'stalled for' in running.health().message)
     assert 'stalled for' in running.diagnostic('/footprint_monitor: footprint').message
-    running.until(lambda: math.isnan(running.listen('~/footprint/separation')[-1].data))
+    running.until(lambda: math.isnan(separations[-1].data))
     stalled.release()
     running.await_state('clear')
-    running.until(lambda: running.listen('~/footprint/separation')[-1].data == 4 * 2**0.5)
-    running.until(lambda: running.flag() is False and running.flag('footprint') is False)
+    running.until(lambda: separations[-1].data == 4 * 2**0.5)
+    running.until_flags(False)
     running.logged('goes on after a stall')
     running.until(lambda: '1, the longest' in health(running).get('stalls', ''))
 
 
-def test_flags_fall_after_the_stall(start, stall):
+def test_flags_fall_after_the_stall(start_clear, stall):
     """The two threads that publish do not overtake each other."""
-    running = start(**PARAMETERS)
-    clear(running)
+    running = start_clear()
     for _ in range(2):
         stalled = stall(running)
         running.until(running.flag, 'the flag raised')
         stalled.release()
         running.until(lambda: running.flag() is False)
-        received = len(running.listen('~/collision'))
-        running.until(lambda: len(running.listen('~/collision')) > received + 2)
-        assert not any(flag.data for flag in running.listen('~/collision')[received:])
+        assert not any(flag.data for flag in running.further('~/collision', 3))
 
 
 OUTLINE = {'footprint__points': '[[0, 0], [1, 0], [1, 1]]', 'footprint__frame_id': 'base',
@@ -134,7 +130,7 @@ def test_message_of_stamp_0_that_waited_through_a_stall_is_old(
         for message in messages:
             running.publisher(topic, kind).publish(message)
 
-    def become_clear():
+    def send():
         if name != 'obstacle':
             running.send_set('obstacles', APART, frame_id=frame_id)
         if name == 'obstacle':
@@ -143,20 +139,19 @@ def test_message_of_stamp_0_that_waited_through_a_stall_is_old(
             running.publisher('/odom', Odometry).publish(
                 odometry('odom', 'base', running.now(), 0, 0))
         publish(*sent)
-        running.spin(0.03)
-        return running.state() == 'clear' and (name != 'footprint.cmd_vel' or values(
-            running.status())['velocity'].endswith('command'))
-    running.until(become_clear)
+    running.repeat(send, lambda: running.state() == 'clear' and (
+        name != 'footprint.cmd_vel' or running.value('velocity').endswith('command')))
     running.until(lambda: running.flag() is False)
     stalled = stall(running)
     before = running.received[name]
     publish(*sent)
     running.spin(1.0)
-    states = len(running.listen('~/state'))
+    states = running.listen('~/state')
+    del states[:]
     stalled.release()
     running.until(lambda: running.received[name] >= before + len(sent))
     running.spin(0.3)
-    later = [values(array.status[0]) for array in running.listen('~/state')[states:]]
+    later = [values(array.status[0]) for array in states]
     assert later
     if name == 'footprint.cmd_vel':
         # Those of the stall, of which one may arrive only now, have no velocity.
@@ -187,11 +182,10 @@ def test_nothing_old_is_published_after_a_message_that_took_long(start, monkeypa
     assert all(flag.data for flag in running.listen('~/collision')[received:])
 
 
-def test_watchdog_goes_on_after_an_error(start, stall, monkeypatch, capfd):
+def test_watchdog_goes_on_after_an_error(start_clear, stall, monkeypatch, capfd):
     """What fails once is logged once, and the stall is reported all the same."""
-    monitor = start(**PARAMETERS)
-    clear(monitor)
-    watchdog = monitor.monitor._watchdog
+    running = start_clear()
+    watchdog = running.monitor._watchdog
     report, failed = watchdog._on_stall, []
 
     def fail_first(stalled):
@@ -200,33 +194,24 @@ def test_watchdog_goes_on_after_an_error(start, stall, monkeypatch, capfd):
             raise OSError('no report')
         report(stalled)
     monkeypatch.setattr(watchdog, '_on_stall', fail_first)
-    stall(monitor)
-    monitor.until(monitor.flag)
+    stall(running)
+    running.until(running.flag)
     assert capfd.readouterr().err.count("the watchdog failed: OSError('no report')") == 1
 
 
-def test_without_a_watchdog(start, stall):
-    """With watchdog 0.0 the last flag stays."""
-    running = start(**{**PARAMETERS, 'watchdog': 0.0})
-    clear(running)
-    stalled = stall(running)
-    received = len(running.listen('~/collision'))
+@pytest.mark.parametrize('parameters', [{'watchdog': 0.0}, {}], ids=['none', 'changed live'])
+def test_watchdog_that_does_not_report_a_stall(start_clear, stall, parameters):
+    """With watchdog 0.0 the last flag stays, and within a longer time set while it runs."""
+    running = start_clear(**parameters)
+    if not parameters:
+        assert running.set_parameters(watchdog=30.0) == [None]
+        running.logged('parameter watchdog was changed from 1.0 to 30.0')
+        running.until(lambda: health(running).get('watchdog: changed') == 'from 1.0 to 30.0')
+    stall(running)
+    flags = running.listen('~/collision')
+    del flags[:]
     running.spin(1.5)
-    assert not any(flag.data for flag in running.listen('~/collision')[received:])
-    stalled.release()
-
-
-def test_watchdog_can_be_changed_live(start, stall):
-    running = start(**PARAMETERS)
-    clear(running)
-    assert running.set_parameters(watchdog=30.0) == [None]
-    running.logged('parameter watchdog was changed from 1.0 to 30.0')
-    running.until(lambda: health(running).get('watchdog: changed') == 'from 1.0 to 30.0')
-    stalled = stall(running)
-    received = len(running.listen('~/collision'))
-    running.spin(1.5)
-    assert not any(flag.data for flag in running.listen('~/collision')[received:])
-    stalled.release()
+    assert not any(flag.data for flag in flags)
 
 
 NODE = '-m', 'sat_collision.node'

@@ -7,8 +7,9 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""The node as a process: how it starts and ends."""
+"""The node as a process: how it starts and ends, by itself and with the launch file."""
 
+import contextlib
 import functools
 import os
 from pathlib import Path
@@ -19,10 +20,10 @@ import subprocess
 import sys
 import time
 
-from compiled import plain_python
 from geometry_msgs.msg import PolygonStamped
-from harness import box
+from harness import TOUCHING
 import pytest
+from rclpy.parameter_client import AsyncParameterClient
 from sat_collision.node.__main__ import main
 from sat_collision.node.footprint_monitor import unused_files
 import yaml
@@ -118,7 +119,7 @@ def test_what_to_try_works(launch, run, peer):
     for number in (signal.SIGINT, signal.SIGTERM):
         publisher = run(*command, stderr=subprocess.PIPE)
         for state in ('clear', 'collision', 'clear'):
-            peer.until(lambda: peer.state() == state, state)
+            peer.await_state(state)
         publisher.send_signal(number)
         assert publisher.communicate(timeout=60)[1] == b''
         assert publisher.returncode == 0
@@ -138,14 +139,9 @@ def test_one_signal_ends_a_busy_node_cleanly(launch_ready, peer, number):
     """Status 0, a log line, and no traceback."""
     process = launch_ready('-p', 'footprint.timeout:=0.0', env=WITH_KERNELS)
 
-    def collides():
-        peer.send('footprint', box(0, 0))
-        peer.send_set('obstacles', box(1, 1))
-        peer.spin(0.02)
-        return peer.state() == 'collision'
-    peer.until(collides)
+    peer.repeat_until('collision', lambda: peer.send_both(TOUCHING))
     for _ in range(20):
-        peer.send_set('obstacles', box(1, 1))
+        peer.send_set('obstacles', TOUCHING)
     process.send_signal(number)
     status, output = ended(process)
     assert (status, 'Traceback' in output) == (0, False), output
@@ -177,6 +173,14 @@ signal.pthread_sigmask(signal.SIG_UNBLOCK, both)
 assert has_ended()
 for number in both:
     assert signal.getsignal(number) is signal.SIG_IGN, 'not even while the interpreter ends'
+"""
+
+
+WITHOUT_OUTPUT = """
+import os, sys
+os.close(1)
+os.close(2)
+os.execv(sys.executable, [sys.executable, '-m', 'sat_collision.node'])
 """
 
 
@@ -247,27 +251,21 @@ def test_help(capsys, option):
     assert 'footprint_monitor --ros-args --params-file my.yaml\n' in out
 
 
-@pytest.mark.parametrize('library', ['rclpy', 'diagnostic_msgs', 'geometry_msgs', 'sensor_msgs',
-                                     'std_msgs', 'visualization_msgs'])
-def test_missing_part_of_ros_is_reported(library):
-    """With what to install, whether or not rosbags has the classes of its messages."""
+@pytest.mark.parametrize('library, remedy', [
+    *((name, 'source /opt/ros') for name in (
+        'rclpy', 'diagnostic_msgs', 'geometry_msgs', 'sensor_msgs', 'std_msgs',
+        'visualization_msgs')),
+    ('yaml', 'pip install pyyaml\n')])
+def test_missing_library_is_reported(library, remedy):
+    """With what to install, whether or not rosbags, which only replay needs, has the classes."""
     program = (f'import sys; sys.modules["{library}"] = None\n'
                'from sat_collision.node.__main__ import main; sys.exit(main([]))')
     result = subprocess.run([sys.executable, '-c', program], cwd=ROOT, capture_output=True,
                             text=True)
-    line, = result.stderr.splitlines()
+    line, = result.stderr.splitlines(keepends=True)
     assert result.returncode == 1
-    assert f'{library} is not installed: source /opt/ros' in line
-
-
-def test_missing_yaml_is_reported():
-    """Without rosbags, which only replay needs."""
-    program = ('import sys; sys.modules["yaml"] = None\n'
-               'from sat_collision.node.__main__ import main; sys.exit(main([]))')
-    result = subprocess.run([sys.executable, '-c', program], cwd=ROOT, capture_output=True,
-                            text=True)
-    assert result.stderr == (
-        'footprint_monitor: cannot start: yaml is not installed: pip install pyyaml\n')
+    assert line.startswith(
+        f'footprint_monitor: cannot start: {library} is not installed: {remedy}')
 
 
 @pytest.mark.parametrize('names, is_used', [
@@ -315,25 +313,19 @@ def test_debug_level_does_not_apply_to_rcl(launch_ready, peer):
     assert '[rcl]' not in ended(process)[1]
 
 
-def test_node_runs_with_closed_output(domain, peer):
+def test_node_runs_with_closed_output(run, peer):
     """Some supervisors start it without stdout and stderr."""
-    process = subprocess.Popen(
-        ['sh', '-c', 'exec "$0" -m sat_collision.node >&- 2>&-', sys.executable], cwd=ROOT,
-        env=plain_python(ROS_DOMAIN_ID=str(domain)))
-    try:
-        peer.until(peer.flag)
-        process.terminate()
-        assert process.wait(60) == 0
-    finally:
-        process.kill()
-        process.wait()
+    process = run('-c', WITHOUT_OUTPUT)
+    peer.until(peer.flag)
+    process.terminate()
+    assert process.wait(60) == 0
 
 
 def test_first_log_lines(launch):
     process = launch('-r', 'obstacles:=/seen')
-    output_until(process, 'kernels')
-    output_until(process, 'footprint: PolygonStamped on /footprint')
-    output_until(process, 'obstacle: PolygonStamped on /seen')
+    for words in ('kernels', 'footprint: PolygonStamped on /footprint',
+                  'obstacle: PolygonStamped on /seen'):
+        output_until(process, words)
 
 
 @pytest.mark.long
@@ -342,3 +334,109 @@ def test_no_kernel_is_compiled_after_the_start(domain):
     pytest.importorskip('numba')
     subprocess.run([sys.executable, '-c', ALL_KINDS_OF_MESSAGES], cwd=ROOT, check=True,
                    env={**os.environ, 'ROS_DOMAIN_ID': str(domain)})
+
+
+# Launch and the node need more time than other processes, in s.
+TIMEOUT = 120.0
+LAUNCH = """
+import sys
+from launch import LaunchDescription, LaunchService
+from launch.actions import GroupAction, IncludeLaunchDescription
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch_ros.actions import SetParameter
+path, margin, *given = sys.argv[1:]
+arguments = [argument.split(':=') for argument in given]
+service = LaunchService()
+service.include_launch_description(LaunchDescription([
+    GroupAction([*([SetParameter('margin', float(margin))] if margin else []),
+                 IncludeLaunchDescription(PythonLaunchDescriptionSource(path),
+                                          launch_arguments=arguments)])]))
+sys.exit(service.run())
+"""
+
+
+@pytest.fixture
+def launch_file(run, tmp_path):
+    """Launch the node of a workspace in which the package is installed, with arguments."""
+    pytest.importorskip('launch_ros', reason='apt install ros-jazzy-launch-ros')
+    index = tmp_path / 'share' / 'ament_index' / 'resource_index' / 'packages'
+    executable = tmp_path / 'lib' / 'sat_collision' / 'footprint_monitor'
+    for folder in (index, executable.parent):
+        folder.mkdir(parents=True)
+    (index / 'sat_collision').touch()
+    executable.write_text(f'#!/bin/sh\nexec {sys.executable} -m sat_collision.node "$@"\n')
+    executable.chmod(0o755)
+    installed = {'AMENT_PREFIX_PATH': str(tmp_path),
+                 'PYTHONPATH': f'{ROOT}{os.pathsep}{os.environ.get("PYTHONPATH", "")}'}
+    running = []
+
+    def launch_file(*arguments, margin=''):
+        running.append(run('-c', LAUNCH, ROOT / 'launch' / 'footprint_monitor.launch.py', margin,
+                           *arguments, env=installed, stdout=subprocess.PIPE,
+                           stderr=subprocess.STDOUT, text=True, start_new_session=True))
+        return running[-1]
+
+    yield launch_file
+    for process in running:
+        # Ctrl-C reaches launch and node; after any other signal launch would leave the node.
+        with contextlib.suppress(ProcessLookupError):  # it has ended by itself
+            os.killpg(process.pid, signal.SIGINT)
+        process.communicate(timeout=60)
+
+
+def parameters(peer, node, *names):
+    """Return the values of parameters of a node, once it answers."""
+    client = AsyncParameterClient(peer.node, node)
+    peer.until(client.services_are_ready, f'the services of {node}', TIMEOUT)
+    future = client.get_parameters(list(names))
+    peer.until(future.done, 'an answer')
+    return [value.double_value or value.bool_value for value in future.result().values]
+
+
+def test_launch_with_defaults(launch_file, peer):
+    """A parameter set by SetParameter in the launch file counts."""
+    launch_file(margin='0.25')
+    assert parameters(peer, '/footprint_monitor', 'margin', 'use_sim_time') == [0.25, False]
+
+
+@pytest.mark.parametrize('arguments, expected', [((), True), (('use_sim_time:=false',), False)])
+def test_launch_passes_simulated_time_only_if_given(
+        launch_file, peer, tmp_path, arguments, expected):
+    """Otherwise the parameter file decides."""
+    params = tmp_path / 'params.yaml'
+    params.write_text('/**:\n  ros__parameters: {use_sim_time: true, margin: 0.5}\n')
+    launch_file(f'params_file:={params}', *arguments)
+    assert parameters(peer, '/footprint_monitor', 'margin', 'use_sim_time') == [0.5, expected]
+
+
+@pytest.mark.parametrize('config', ['footprint_monitor', 'nav2'])
+def test_launch_of_shipped_parameters_in_a_namespace(launch_file, peer, config):
+    """With another node name; topics are in the namespace, too."""
+    path = ROOT / 'config' / f'{config}.yaml'
+    launch_file('name:=guard', 'namespace:=robot1', f'params_file:={path}')
+    peer.name = 'robot1/guard'
+    topic = {'nav2': 'local_costmap/published_footprint'}.get(config, 'footprint')
+    peer.until(lambda: peer.node.count_subscribers(f'/robot1/{topic}')
+               and peer.node.count_subscribers('/robot1/obstacles'), 'subscriptions', TIMEOUT)
+    peer.until(lambda: peer.flag() is True, 'a flag', TIMEOUT)
+
+
+def test_launch_respawns(launch_file, peer):
+    process = launch_file('respawn:=true', 'log_level:=warn')
+    peer.until(lambda: peer.flag() is True, 'a flag', TIMEOUT)
+    pids = []
+    while len(pids) < 2:
+        line = process.stdout.readline()
+        assert line, 'launch has ended'
+        assert '[INFO] [footprint_monitor]' not in line
+        if started := re.search(r'process started with pid \[(\d+)\]', line):
+            pids.append(int(started[1]))
+            if len(pids) == 1:
+                os.kill(pids[0], signal.SIGKILL)
+    assert pids[0] != pids[1]
+
+
+def test_launch_without_its_parameter_file_is_an_error(launch_file):
+    process = launch_file('params_file:=/nowhere.yaml')
+    output, _ = process.communicate(timeout=TIMEOUT)
+    assert process.returncode and 'there is no file /nowhere.yaml' in output

@@ -21,7 +21,6 @@ import time
 from builders import box
 from compiled import COMPILED_FILES, copy_package, FOR_DISTANCES
 from hardship import allow_writing, forbid_writing, without_privileges
-from harness import Peer
 import pytest
 from sat_collision.geometry.compiled.jit import COMPILED
 
@@ -70,15 +69,37 @@ def lines_until(process, words):
     pytest.fail(f'ended without a word of {words}: {lines}')
 
 
+def stopped(node):
+    """Stop a node by a signal; return its exit status and the rest of its output."""
+    node.terminate()
+    rest, _ = node.communicate(timeout=60)
+    return node.returncode, rest
+
+
+def await_ends(helpers, sent):
+    """Wait until processes have ended to whose parent a signal was sent then."""
+    while any(is_running(helper) for helper in helpers):
+        assert time.monotonic() - sent < TO_END, 'the helper goes on'
+        time.sleep(0.01)
+
+
+def without_distances(test):
+    """Run a long test where all is compiled but the kernels for distances."""
+    for mark in (pytest.mark.long, pytest.mark.skipif(not COMPILED, reason='nothing is compiled'),
+                 pytest.mark.parametrize('place', [FOR_DISTANCES], indirect=True,
+                                         ids=['without distances'])):
+        test = mark(test)
+    return test
+
+
 def test_node_without_write_access(start, place):
     """It logs one line for each folder, runs, and stops on a signal."""
     forbid_writing(place)
     node = start('-m', 'sat_collision.node', NUMBA_DISABLE_JIT='1')
     lines = lines_until(node, 'on /obstacles')
     assert sum('log' in line and 'not to a file' in line for line in lines) == 1, lines
-    node.terminate()
-    rest, _ = node.communicate(timeout=60)
-    assert node.returncode == 0 and 'Traceback' not in ''.join([*lines, rest])
+    status, rest = stopped(node)
+    assert status == 0 and 'Traceback' not in ''.join([*lines, rest])
 
 
 @pytest.mark.parametrize('arguments', [('-c', 'from sat_collision import intersects'),
@@ -92,7 +113,7 @@ def test_import_and_replay_without_write_access(start, place, arguments):
 
 
 @pytest.mark.parametrize('broken', [False, True], ids=['missing', 'broken'])
-def test_node_without_a_compiler(start, place, domain, broken):
+def test_node_without_a_compiler(start, place, peer, broken):
     """
     The log names plain Python as its kernel, with a warning only if it is broken.
 
@@ -107,25 +128,18 @@ def test_node_without_a_compiler(start, place, domain, broken):
     text = ''.join(lines_until(node, 'on /obstacles'))
     assert 'ready' in text and ('WARN' in text) is broken
     assert ('plain Python: OSError: no libllvmlite.so' if broken else '(plain Python)') in text
-    peer = Peer(domain)
     peer.send('obstacles', [((1 + k % 2) * math.cos(2 * math.pi * k / 130),
                              (1 + k % 2) * math.sin(2 * math.pi * k / 130)) for k in range(130)])
     lines_until(node, '130 vertices, but at most 128')
-    peer.close()
-    node.terminate()
-    assert node.wait(60) == 0
+    assert stopped(node)[0] == 0
 
 
-@pytest.mark.long
-@pytest.mark.parametrize('place', [FOR_DISTANCES], indirect=True, ids=['without distances'])
-def test_flags_are_published_before_distances_can_be_measured(start, domain):
+@without_distances
+def test_flags_are_published_before_distances_can_be_measured(start, peer):
     """A first start publishes flags early, and separations once their kernels are compiled."""
-    if not COMPILED:
-        pytest.skip('nothing is compiled')
     # If an answer waited for the compiler, a watchdog would raise the flag, too.
     node = start('-m', 'sat_collision.node', '--ros-args', '-p', 'watchdog:=0.0')
     lines_until(node, 'distances are measured later')
-    peer = Peer(domain)
     flags, separations = peer.listen('~/collision'), peer.listen('~/footprint/separation')
     states, markers = peer.listen('~/state'), peer.markers()
 
@@ -147,21 +161,15 @@ def test_flags_are_published_before_distances_can_be_measured(start, domain):
     peer.until(lambda: publishes(9.0, False) and markers
                and separations[-1].data == pytest.approx(8.0, abs=1e-9)
                and states[-1].status[0].message == 'clear', 'the separation')
-    peer.close()
-    node.terminate()
-    assert node.wait(60) == 0
+    assert stopped(node)[0] == 0
 
 
-@pytest.mark.long
-@pytest.mark.parametrize('place', [FOR_DISTANCES], indirect=True, ids=['without distances'])
+@without_distances
 def test_margin_needs_distances_from_the_start(start):
     """A first start with a margin publishes no flag before it can measure."""
-    if not COMPILED:
-        pytest.skip('nothing is compiled')
     node = start('-m', 'sat_collision.node', '--ros-args', '-p', 'margin:=0.5')
     assert 'distances are measured after' in ''.join(lines_until(node, 'on /obstacles'))
-    node.terminate()
-    assert node.wait(60) == 0
+    assert stopped(node)[0] == 0
 
 
 @pytest.mark.long
@@ -180,25 +188,16 @@ def test_signal_during_the_first_start(start, number):
     assert time.monotonic() - sent < TO_END
     assert (node.returncode, 'Traceback' in ''.join([*lines, rest])) == (0, False), rest
     assert 'distances are measured after' not in rest, 'it went on to the end'
-    while any(is_running(helper) for helper in helpers):
-        assert time.monotonic() - sent < TO_END, 'the helper goes on'
-        time.sleep(0.01)
+    await_ends(helpers, sent)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize('place', [FOR_DISTANCES], indirect=True, ids=['without distances'])
-def test_no_process_is_left_when_the_node_has_ended(start, domain):
+@without_distances
+def test_no_process_is_left_when_the_node_has_ended(start, peer):
     """It is stopped while others still compile the kernels for distances."""
-    if not COMPILED:
-        pytest.skip('nothing is compiled')
     node = start('-m', 'sat_collision.node')
-    peer = Peer(domain)
-    states = peer.listen('~/state')
-    peer.until(lambda: states, 'it runs')
-    peer.close()
+    peer.until(peer.status, 'it runs')
     helpers = children(node.pid)
-    node.terminate()
-    assert node.wait(60) == 0
+    assert stopped(node)[0] == 0
     assert helpers and not any(is_running(helper) for helper in helpers)
 
 
@@ -230,10 +229,7 @@ def test_interrupt_while_kernels_are_prepared(start):
     process.send_signal(signal.SIGINT)
     output, _ = process.communicate(timeout=TO_END)
     assert (process.returncode, output) == (-signal.SIGINT, '')
-    sent = time.monotonic()
-    while any(is_running(helper) for helper in helpers):
-        assert time.monotonic() - sent < TO_END, 'the helper goes on'
-        time.sleep(0.01)
+    await_ends(helpers, time.monotonic())
 
 
 def test_interrupt_within_generated_code(start, place):

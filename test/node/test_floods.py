@@ -9,10 +9,12 @@
 
 """A flooded node; nodes and publishers that come and go without leaking threads or files."""
 
+import math
 import os
 import signal
 
-from harness import APART, box, ROBOT, RunningMonitor, values
+from builders import serialised
+from harness import APART, health, RunningMonitor, TOUCHING
 import pytest
 from sat_collision.geometry.compiled.jit import COMPILED
 
@@ -26,25 +28,54 @@ MAX_RATE = 10_000
 # Longer than DDS takes to repeat messages that the flood displaced, in s.
 SOON = 40.0
 
+# Publishes all of a message but its stamp, given as hexadecimal digits, at a rate in Hz.
+FLOODER = """
+import struct, sys, time
+from geometry_msgs.msg import PolygonStamped
+import rclpy
+from rclpy.qos import QoSProfile
+content, rate, seconds = bytes.fromhex(sys.argv[1]), *map(float, sys.argv[2:])
+rclpy.init()
+publisher = rclpy.create_node('flooder').create_publisher(
+    PolygonStamped, '/flood', QoSProfile(depth=1000))
+begun = time.monotonic()
+sent = 0
+while (passed := time.monotonic() - begun) < seconds:
+    if sent >= passed * rate:
+        time.sleep(0.001)
+    stamp = struct.pack('<4sII', b'\\0\\1\\0\\0', *divmod(time.time_ns(), 10**9))
+    publisher.publish(stamp + content)
+    sent += 1
+"""
+
+
+def circle(count):
+    return [(500.0 + math.cos(2.0 * math.pi * k / count), math.sin(2.0 * math.pi * k / count))
+            for k in range(count)]
+
+
+def comb(count):
+    """Return a polygon whose vertices are mostly the tips and roots of its teeth."""
+    teeth = [(500.0 + 0.01 * k, 1.0 + 4.0 * (k % 2)) for k in range(1, count - 2)]
+    width = 0.01 * (count - 2)
+    return [(500.0, 0.0), *teeth, (500.0 + width, 0.0), (500.0 + width / 2, -1.0)][::-1]
+
 
 @pytest.mark.long
 @pytest.mark.skipif(not COMPILED, reason='a comb takes plain Python seconds')
-@pytest.mark.parametrize('kind', ['1024-gons', 'combs of 1024', '4-gons', 'truncated', 'NaN'])
-def test_flood_on_one_topic_does_not_block_others(run, peer, kind):
+@pytest.mark.parametrize('points, rate, length', [
+    (circle(1024), MAX_RATE, None), (comb(1024), 1_000, None), (circle(4), MAX_RATE, None),
+    (circle(4), MAX_RATE, -7), ([(math.nan, 0.0), *circle(3)], MAX_RATE, None)],
+    ids=['1024-gons', 'combs of 1024', '4-gons', 'truncated', 'NaN'])
+def test_flood_on_one_topic_does_not_block_others(run, peer, points, rate, length):
     """Contacts on the other topic are seen soon, and so is a signal."""
     node = run(*NODE, env={'NUMBA_DISABLE_JIT': '0'})
     peer.until(peer.status, 'a state')
-    flooder = run('test/node/flooder.py', kind, str(FLOODED), f'--max={MAX_RATE}')
-    peer.until(lambda: (health := peer.health())
-               and int(values(health).get('flood: received', 0)) > 100, 'a flood')
-    near, far = (box(1, 1), ['obstacle/0']), (box(5, 5), [])
-    for polygon, met in (near, far, near):
-        def seen():
-            peer.send_set('obstacles', polygon)
-            peer.send('footprint', ROBOT)
-            peer.spin(0.03)
-            return peer.contacts() == met
-        peer.until(seen, f'contact with {met}', SOON)
+    flooder = run('-c', FLOODER, serialised(points, 0)[12:length].hex(), str(rate), str(FLOODED))
+    peer.until(lambda: int(health(peer).get('flood: received', 0)) > 100, 'a flood')
+    for polygon, met in ((TOUCHING, ['obstacle/0']), (APART, []), (TOUCHING, ['obstacle/0'])):
+        peer.repeat(lambda: peer.send_both(polygon), lambda: peer.contacts() == met,
+                    f'contact with {met}', SOON)
     received = peer.listen('~/collision')
     before = len(received)
     peer.until(lambda: len(received) > before + 10, 'regular flags', SOON)
@@ -73,13 +104,8 @@ def test_publishers_that_come_and_go_do_not_leak(start):
     counts = []
     for _ in range(60):
         before = monitor.received['obstacle']
-        publisher = monitor.publisher('obstacles')
-
-        def received():
-            monitor.send_set('obstacles', APART)
-            return monitor.received['obstacle'] > before
-        monitor.until(received, 'a message')
-        monitor.node.destroy_publisher(publisher)
-        monitor._publishers.clear()
+        monitor.repeat(lambda: monitor.send_set('obstacles', APART),
+                       lambda: monitor.received['obstacle'] > before, 'a message')
+        monitor.leave('obstacles')
         counts.append(resources())
     assert counts[-1] <= counts[9]

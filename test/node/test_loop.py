@@ -9,15 +9,14 @@
 
 """The loop: batches, fairness, what is done after flags, and messages that come too fast."""
 
-from contextlib import contextmanager
+from contextlib import closing, contextmanager, ExitStack
 import importlib
 import itertools
 import time
 
 from geometry_msgs.msg import PolygonStamped
 from harness import (
-    APART, box, health, LASTING, MonitorPeer, polygon_message, ROBOT, RunningMonitor, SECOND,
-    streaming, to_parameters, TOUCHING, values)
+    APART, box, health, LASTING, MonitorPeer, polygon_message, ROBOT, SECOND, streaming, TOUCHING)
 import pytest
 import rclpy
 from rclpy.duration import Duration
@@ -31,13 +30,7 @@ DEPTH = 'qos_overrides./obstacles.subscription.depth'
 class PausedMonitor(MonitorPeer):
     """A monitor that can be paused, so that messages queue up."""
 
-    def __init__(self, domain, parameters):
-        self._monitor_context = rclpy.Context()
-        self._monitor_context.init(domain_id=domain)
-        self.monitor = footprint_monitor.FootprintMonitor(
-            context=self._monitor_context, parameter_overrides=to_parameters(parameters))
-        super().__init__(domain)
-        self.paused = False
+    paused = False
 
     def spin(self, seconds=0.0):
         """Run the monitor for a turn or two unless it is paused, and receive its messages."""
@@ -55,26 +48,13 @@ class PausedMonitor(MonitorPeer):
             assert publisher.wait_for_all_acked(Duration(seconds=60))
         self.paused = False
 
-    def close(self):
-        self.monitor.loop.close()
-        self.monitor.destroy_node()
-        self._monitor_context.shutdown()
-        super().close()
-
 
 @pytest.fixture
 def pausable(domain):
     """Start a monitor that can be paused."""
-    started = []
-
-    def pausable(**parameters):
-        started.append(PausedMonitor(domain, {
-            **LASTING, 'obstacle__set_end': 'empty_polygon', **parameters}))
-        return started[-1]
-
-    yield pausable
-    for monitor in started:
-        monitor.close()
+    with ExitStack() as stack:
+        yield lambda **parameters: stack.enter_context(closing(
+            PausedMonitor(domain, (), {**LASTING, **parameters})))
 
 
 def test_set_in_one_batch_is_evaluated_as_a_whole(pausable):
@@ -125,17 +105,16 @@ def test_lost_messages_are_counted(pausable):
     monitor = pausable(obstacle__timeout=20.0, **{DEPTH: 10})
     states = monitor.listen('~/state')
     monitor.send('obstacles', APART)
-    monitor.until(lambda: 'has not ended a set yet' in monitor.reason())
+    monitor.until_reason('has not ended a set yet')
     with monitor.paused_while_sending():
         monitor.send_set('obstacles', *49 * [APART])
-    status = monitor.until(
-        lambda: (health := monitor.health()) and 'obstacle: lost' in values(health) and health)
-    assert values(status)['obstacle: lost'] == '40'
-    assert 'messages lost' in status.message
+    monitor.until(lambda: 'obstacle: lost' in health(monitor))
+    assert 'messages lost' in monitor.health().message
+    shown = health(monitor)
     words = ('has not sent a whole set since messages were lost; the queue here holds 10 '
              f'messages: set {DEPTH} to one more than max_count')
     assert any(words in array.status[0].message for array in states)
-    assert values(status)['obstacle: received'] == '11'
+    assert (shown['obstacle: lost'], shown['obstacle: received']) == ('40', '11')
 
 
 def test_silent_publisher_does_not_go_on_with_the_messages_of_another(pausable, join):
@@ -146,7 +125,7 @@ def test_silent_publisher_does_not_go_on_with_the_messages_of_another(pausable, 
     for peer, kind, points, state in (
             (silent, LivelinessPolicy.MANUAL_BY_TOPIC, APART, 'clear'),
             (other, LivelinessPolicy.AUTOMATIC, TOUCHING, 'collision')):
-        monitor.until(lambda: '/obstacles has no publisher' in monitor.reason())
+        monitor.until_reason('/obstacles has no publisher')
         peer.publisher('/obstacles', qos=QoSProfile(
             depth=10, liveliness=kind, liveliness_lease_duration=Duration(seconds=0.5)))
         monitor.send('footprint', ROBOT)
@@ -157,7 +136,7 @@ def test_silent_publisher_does_not_go_on_with_the_messages_of_another(pausable, 
     silent.send_set('/obstacles', APART)
     assert silent.publisher('/obstacles').wait_for_all_acked(Duration(seconds=60))
     monitor.paused = False
-    monitor.until(lambda: 'has 2 publishers' in monitor.reason())
+    monitor.until_reason('has 2 publishers')
     assert 'clear' not in monitor.states()[count:]
 
 
@@ -170,17 +149,9 @@ class SlowMonitor(footprint_monitor.FootprintMonitor):
 
 
 @pytest.fixture
-def start_slow(domain, monkeypatch):
+def start_slow(start, monkeypatch):
     monkeypatch.setattr('harness.FootprintMonitor', SlowMonitor)
-    running = []
-
-    def start_slow(**parameters):
-        running.append(RunningMonitor(domain, (), parameters))
-        return running[0]
-
-    yield start_slow
-    for monitor in running:
-        monitor.close()
+    return start
 
 
 def test_source_behind_by_more_than_its_timeout_is_unknown(start_slow):
@@ -190,9 +161,8 @@ def test_source_behind_by_more_than_its_timeout_is_unknown(start_slow):
     monitor.send_set_until('clear', 'obstacles', APART)
     monitor.send_set('obstacles', *100 * [APART])
     monitor.await_state('unknown')
-    health = monitor.until(
-        lambda: (health := monitor.health()) and 'behind' in health.message and health)
-    seconds, messages = values(health)['obstacle: behind'].split(' s, ')
+    monitor.until(lambda: monitor.health() and 'behind' in monitor.health().message)
+    seconds, messages = health(monitor)['obstacle: behind'].split(' s, ')
     assert float(seconds) > 0.1 and messages.endswith(' messages')
     monitor.send_set_until('clear', 'obstacles', APART)
     monitor.until(lambda: 'behind' not in monitor.health().message)
@@ -203,7 +173,7 @@ def test_source_that_loses_messages_is_unknown(start_slow, domain):
     monitor = start_slow(footprint__timeout=0.0, obstacle__timeout=1.0, **{DEPTH: 20})
     monitor.send('footprint', ROBOT)
     with streaming(domain, 'obstacles', 1000):
-        monitor.until(lambda: 'since messages were lost' in monitor.reason())
+        monitor.until_reason('since messages were lost')
         monitor.until(lambda: int(health(monitor).get('obstacle: lost', 0)) > 20
                       and 'messages lost' in monitor.health().message, 'a count')
     monitor.send_set_until('clear', 'obstacles', APART)

@@ -11,6 +11,7 @@
 
 from contextlib import contextmanager
 import itertools
+import math
 import threading
 import time
 from types import SimpleNamespace
@@ -31,12 +32,15 @@ class Recorder:
     Receives for a Loop and records the order; each message may take some time.
 
     Ticks are due twenty times per second; `are_put_off` delays them by ten seconds after a
-    message.
+    message, and after `often` of them the next is due in 30 s. `meets` is called with the name
+    of what was received.
     """
 
-    def __init__(self, seconds=0.0, are_put_off=False):
+    def __init__(self, seconds=0.0, are_put_off=False, often=math.inf, meets=id):
         self.seconds = seconds
         self.are_put_off = are_put_off
+        self.often = often
+        self.meets = meets
         self.names = []
         self.begun = []
         self.batches = []
@@ -48,6 +52,7 @@ class Recorder:
         for _ in messages:
             time.sleep(self.seconds)
             self.names.append(name)
+        self.meets(name)
 
     def begin_stream(self, name):
         self.begun.append(name)
@@ -73,7 +78,8 @@ class Recorder:
 
     def due(self, now, steady):
         is_put_off = self.are_put_off and self.names[-1] != 'tick'
-        return self.ticked + (10.0 if is_put_off else 0.05)
+        return self.ticked + (
+            30.0 if self.ticks > self.often else 10.0 if is_put_off else 0.05)
 
     def note_matched(self, name, event):
         return False
@@ -84,7 +90,11 @@ class Recorder:
 
 @pytest.fixture
 def looped(peer):
-    """Return a context that runs a Loop on 'flood' and 'other', which ends rests."""
+    """
+    Return a context that has a Loop on 'flood' and 'other', which ends rests.
+
+    `looped.until` runs one until a condition holds.
+    """
     node = rclpy.create_node('receiver', context=peer.context)
 
     def subscribed(name):
@@ -99,18 +109,27 @@ def looped(peer):
         yield one
         one.close()
 
+    def until(receiver, condition, **options):
+        with looped(receiver, **options) as one:
+            one.run(condition)
+
     looped.node = node
+    looped.until = until
     yield looped
     node.destroy_node()
+
+
+def publish(publisher, count, vertices=0):
+    """Publish some messages of a topic and wait until they are queued."""
+    for _ in range(count):
+        publisher.publish(PolygonStamped(polygon=Polygon(points=vertices * [Point32()])))
+    assert publisher.wait_for_all_acked(Duration(seconds=60))
 
 
 def arrive(peer, **counts):
     """Send some messages on each topic and wait until they are queued."""
     for topic, count in counts.items():
-        publisher = peer.publisher(topic, qos=QoSProfile(depth=2000))
-        for _ in range(count):
-            publisher.publish(PolygonStamped())
-        assert publisher.wait_for_all_acked(Duration(seconds=60))
+        publish(peer.publisher(topic, qos=QoSProfile(depth=2000)), count)
 
 
 def test_other_topics_get_their_turn_during_a_flood(peer, looped):
@@ -144,8 +163,8 @@ def test_many_footprints_leave_obstacles_their_time(peer, looped, monkeypatch):
     monkeypatch.setattr(loop, '_LONGEST_TURN', 20.0)
     receiver = Recorder(0.003)
     arrive(peer, flood=300)
-    with looped(receiver, further=[f'robot{k}' for k in range(50)]) as one:
-        one.run(lambda: 'flood' in receiver.names)
+    looped.until(receiver, lambda: 'flood' in receiver.names,
+                 further=[f'robot{k}' for k in range(50)])
     assert receiver.names.count('flood') == 300
 
 
@@ -164,8 +183,7 @@ def test_looking_at_many_footprints_takes_no_more_time_than_obstacles(peer, loop
     monkeypatch.setattr(loop._Topic, 'take_batch', take_slowly)
     monkeypatch.setattr(loop, '_LONGEST_TURN', 20.0)
     arrive(peer, flood=2000)
-    with looped(receiver) as one:
-        one.run(lambda: 'flood' in receiver.names)
+    looped.until(receiver, lambda: 'flood' in receiver.names)
     assert receiver.names.count('flood') == 2000
     assert 1 < looks < 15
 
@@ -174,24 +192,16 @@ def test_footprints_are_received_and_published_first(peer, looped):
     """They do not wait for the obstacles that arrived with them."""
     receiver = Recorder()
     arrive(peer, flood=20, other=1)
-    with looped(receiver) as one:
-        one.run(lambda: 'flood' in receiver.names)
+    looped.until(receiver, lambda: 'flood' in receiver.names)
     assert receiver.names[0] == 'other' and receiver.batches[0] == 1
 
 
 def test_footprint_is_published_between_batches(peer, looped):
     """It waits for the current batch of obstacles, not for all that are queued."""
-    receiver = Recorder()
-    receive = receiver.receive
-
-    def receive_and_meet_another(name, messages, now, number, arrived):
-        receive(name, messages, now, number, arrived)
-        if receiver.names.count('flood') == 4:
-            arrive(peer, other=1)
-    receiver.receive = receive_and_meet_another
+    receiver = Recorder(meets=lambda _: receiver.names.count('flood') == 4
+                        and arrive(peer, other=1))
     arrive(peer, flood=300)
-    with looped(receiver) as one:
-        one.run(lambda: 'other' in receiver.names)
+    looped.until(receiver, lambda: 'other' in receiver.names)
     assert receiver.names[:receiver.names.index('other')].count('flood') == 4
     assert 1 in receiver.batches  # the first one, unless a busy machine ends the turn
 
@@ -208,8 +218,7 @@ def test_messages_come_before_the_next_part_of_what_can_wait(peer, looped, topic
         return go_on(now)
     receiver.go_on = go_on_and_meet_another
     receiver.parts = 30
-    with looped(receiver) as one:
-        one.run(lambda: not receiver.parts)
+    looped.until(receiver, lambda: not receiver.parts)
     assert receiver.names.count('tick') < 15
     names = [name for name in receiver.names if name != 'tick']
     assert names == ['part'] * 11 + [topic] + ['part'] * 19
@@ -217,8 +226,7 @@ def test_messages_come_before_the_next_part_of_what_can_wait(peer, looped, topic
 
 def test_event_is_handled_at_once(peer, looped):
     """It does not wait for the next tick."""
-    receiver = Recorder(are_put_off=True)
-    receiver.due = lambda now, steady: receiver.ticked + 10.0
+    receiver = Recorder(often=0)
     matched = []
     looped.node.create_subscription(
         PolygonStamped, 'another', id, 1, event_callbacks=SubscriptionEventCallbacks(
@@ -243,13 +251,8 @@ def test_long_messages_are_received_one_by_one(peer, looped):
     receiver.receive = lambda name, messages, *rest: (
         together.append([len(data) for data in messages]), receive(name, messages, *rest))
     arrive(peer, flood=200)
-    long = PolygonStamped(polygon=Polygon(points=1000 * [Point32()]))
-    publisher = peer.publisher('flood')
-    for _ in range(20):
-        publisher.publish(long)
-    assert publisher.wait_for_all_acked(Duration(seconds=60))
-    with looped(receiver) as one:
-        one.run(lambda: receiver.names.count('flood') == 220)
+    publish(peer.publisher('flood'), 20, 1000)
+    looped.until(receiver, lambda: receiver.names.count('flood') == 220)
     assert max(map(len, together)) > 50
     assert max(sum(size > 10_000 for size in sizes) for sizes in together) == 1
 
@@ -274,11 +277,8 @@ def test_new_publisher_in_the_middle_of_a_queue(peer, looped):
     arrive(peer, flood=3)
     another = peer.node.create_publisher(PolygonStamped, 'flood', 2000)
     peer.until(another.get_subscription_count)
-    for _ in range(30):
-        another.publish(PolygonStamped())
-    assert another.wait_for_all_acked(Duration(seconds=60))
-    with looped(receiver) as one:
-        one.run(lambda: receiver.names.count('flood') == 33)
+    publish(another, 30)
+    looped.until(receiver, lambda: receiver.names.count('flood') == 33)
     names = [name for name in receiver.names if name != 'tick']
     assert names == ['begin', *3 * ['flood'], 'begin', *30 * ['flood']]
 
@@ -287,8 +287,7 @@ def test_stop_is_not_delayed_by_a_flood(peer, looped):
     """The condition to end is checked after each turn."""
     receiver = Recorder(0.001)
     arrive(peer, flood=500)
-    with looped(receiver) as one:
-        one.run(lambda: bool(receiver.names))
+    looped.until(receiver, lambda: bool(receiver.names))
     assert 0 < receiver.names.count('flood') < 50
 
 
@@ -362,11 +361,6 @@ def test_loop_rests_only_if_messages_are_frequent(looped, domain, monkeypatch, t
         assert receiver.names.count(topic) / len(receiver.batches) > 2
 
 
-def seldom_after(receiver, ticks):
-    """Return a `due` for a Recorder that ticks every 30 s after some ticks."""
-    return lambda now, steady: receiver.ticked + (30.0 if receiver.ticks > ticks else 0.05)
-
-
 def test_footprint_ends_a_rest(peer, looped, domain, monkeypatch):
     """It is received at once; obstacles are received together later."""
     rest = loop.WaitSet.rest
@@ -383,8 +377,7 @@ def test_footprint_ends_a_rest(peer, looped, domain, monkeypatch):
             sender.join()
         return is_ended
     monkeypatch.setattr(loop.WaitSet, 'rest', rest_meanwhile)
-    receiver = Recorder()
-    receiver.due = seldom_after(receiver, 5)
+    receiver = Recorder(often=5)
     for topic in ('flood', 'other'):
         peer.publisher(topic, qos=QoSProfile(depth=2000))
     with looped(receiver, delay=30.0) as one, streaming(domain, 'flood', 500):
@@ -402,8 +395,7 @@ def test_footprint_ends_a_rest(peer, looped, domain, monkeypatch):
 
 def test_footprints_do_not_prolong_a_rest(looped, domain):
     """Obstacles are received when it is over, however often footprints end it."""
-    receiver = Recorder()
-    receiver.due = seldom_after(receiver, 5)
+    receiver = Recorder(often=5)
     with looped(receiver, delay=0.5) as one, streaming(domain, 'flood', 500):
         one.run(lambda: receiver.ticks > 5 and receiver.names[-1] == 'flood')
         del receiver.names[:-1]
@@ -415,8 +407,7 @@ def test_footprints_do_not_prolong_a_rest(looped, domain):
 
 def test_other_subscriptions_are_served_after_each_rest(peer, looped, domain):
     """As /clock, which must not wait for a tick."""
-    receiver = Recorder()
-    receiver.due = seldom_after(receiver, 5)
+    receiver = Recorder(often=5)
     received = []
     looped.node.create_subscription(PolygonStamped, 'more', received.append, 10)
     peer.publisher('more')
@@ -431,14 +422,8 @@ def test_other_subscriptions_are_served_after_each_rest(peer, looped, domain):
 
 def test_single_message_is_a_batch_of_its_own(peer, looped):
     """Messages that arrive meanwhile make one batch."""
-    receiver = Recorder(are_put_off=True)
-    receive = receiver.receive
-
-    def receive_and_meet_more(name, messages, now, number, arrived):
-        if name == 'flood' and not receiver.batches:
-            arrive(peer, flood=20)
-        receive(name, messages, now, number, arrived)
-    receiver.receive = receive_and_meet_more
+    receiver = Recorder(are_put_off=True, meets=lambda name: (
+        name == 'flood' and not receiver.batches and arrive(peer, flood=20)))
     peer.publisher('flood', qos=QoSProfile(depth=2000))
     with looped(receiver) as one:
         one.run(lambda: receiver.names[-1:] == ['other'] or arrive(peer, other=1))
@@ -469,8 +454,7 @@ def test_rest_ends_when_a_tick_is_due(peer, looped):
     receiver = Recorder()
     arrive(peer, flood=10)
     begun = time.monotonic()
-    with looped(receiver, delay=30.0) as one:
-        one.run(lambda: receiver.ticks > 1)
+    looped.until(receiver, lambda: receiver.ticks > 1, delay=30.0)
     assert time.monotonic() - begun < 15.0
 
 
@@ -502,8 +486,7 @@ class Prompter(Recorder):
 def test_messages_that_arrive_after_the_wait_are_received_before_a_tick(peer, looped):
     """Also those of a topic that had no messages during the wait."""
     receiver = Prompter(peer)
-    with looped(receiver) as one:
-        one.run(lambda: receiver.ticks > 5)
+    looped.until(receiver, lambda: receiver.ticks > 5)
 
 
 @pytest.mark.parametrize('rate', (5, 500))

@@ -9,14 +9,15 @@
 
 """Files shipped with the package: configurations of other programs, an example, a fleet."""
 
-import importlib.util
+from contextlib import closing
 import json
 from pathlib import Path
 import re
+import runpy
 import time
 
-from geometry_msgs.msg import Twist
-from harness import box, values
+from geometry_msgs.msg import Twist, Vector3
+from harness import APART, box, LASTING, TOUCHING
 import pytest
 from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import Bool
@@ -81,75 +82,58 @@ def test_twist_mux_is_locked_by_the_flag(start):
     assert topics['navigation']['priority'] < lock['priority'] < topics['teleop']['priority']
 
 
-@pytest.fixture
-def gate():
-    """Return a function that runs the example in the peer's process."""
-    path = ROOT / 'examples' / 'stop_on_collision.py'
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    example = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(example)
-    executors = []
-
-    def run(peer):
-        node = example.StopOnCollision(context=peer.context)
-        executors.append(SingleThreadedExecutor(context=peer.context))
-        executors[-1].add_node(node)
-        return executors[-1], node
-    yield run
-    for executor in executors:
-        for node in executor.get_nodes():
-            node.destroy_node()
-        executor.shutdown()
-
-
-@pytest.fixture
-def robot(gate, start):
-    """Return a robot that is always commanded to drive, with the example before it."""
-    return Robot(gate, start(footprint__timeout=0.0, obstacle__timeout=60.0))
-
-
 class Robot:
-    """Receives the speeds that the example passes on."""
+    """Is always commanded to drive, and receives the speeds that the example passes on."""
 
-    def __init__(self, gate, monitor):
+    def __init__(self, monitor):
         self.monitor = monitor
-        self.executor, self.node = gate(monitor)
+        example = runpy.run_path(str(ROOT / 'examples' / 'stop_on_collision.py'))
+        self.node = example['StopOnCollision'](context=monitor.context)
+        self.executor = SingleThreadedExecutor(context=monitor.context)
+        self.executor.add_node(self.node)
         self.commands = monitor.node.create_publisher(Twist, 'cmd_vel_nav', 1)
         self.speed = None
         monitor.node.create_subscription(Twist, 'cmd_vel', self.note, 1)
 
+    def close(self):
+        self.node.destroy_node()
+        self.executor.shutdown()
+
     def note(self, twist):
         self.speed = twist.linear.x
 
-    def receives(self, speed):
-        """Command it to drive; tell whether the last speed passed on is the given one."""
-        command = Twist()
-        command.linear.x = 0.5
-        self.commands.publish(command)
+    def command(self):
+        self.commands.publish(Twist(linear=Vector3(x=0.5)))
         self.executor.spin_once(timeout_sec=0.01)
-        self.monitor.spin()
-        return self.speed == speed
+
+    def until(self, speed):
+        """Command it to drive until the last speed passed on is the given one."""
+        self.monitor.repeat(self.command, lambda: self.speed == speed, f'a speed of {speed}')
+
+
+@pytest.fixture
+def robot(start):
+    with closing(Robot(start(**LASTING))) as robot:
+        yield robot
 
 
 def test_example_stops_the_robot(robot):
     """It stops before the first flag and in contact, and drives when clear."""
-    robot.monitor.until(lambda: robot.receives(0.0), 'a stop before the first flag')
-    robot.monitor.send_set('/obstacles', box(5, 5))
-    robot.monitor.send('/footprint', box(0, 0))
-    robot.monitor.until(lambda: robot.receives(0.5), 'motion')
-    robot.monitor.send_set('/obstacles', box(0.5, 0.5))
-    robot.monitor.until(lambda: robot.receives(0.0), 'a stop')
+    robot.until(0.0)
+    robot.monitor.send_both(APART)
+    robot.until(0.5)
+    robot.monitor.send_set('/obstacles', TOUCHING)
+    robot.until(0.0)
 
 
 def test_example_stops_the_robot_without_a_flag(robot):
     """If the monitor stops publishing, the last flag counts for 0.3 s."""
-    robot.monitor.send_set('/obstacles', box(5, 5))
-    robot.monitor.send('/footprint', box(0, 0))
-    robot.monitor.until(lambda: robot.receives(0.5), 'motion')
+    robot.monitor.send_both(APART)
+    robot.until(0.5)
     flags = robot.monitor.listen('~/collision')
     begin = len(flags)
     robot.monitor._stop.set()
-    robot.monitor.until(lambda: robot.receives(0.0), 'a stop')
+    robot.until(0.0)
     assert time.monotonic() >= robot.node.clear_until > 0.0
     assert not any(flag.data for flag in flags[begin:])
 
@@ -159,18 +143,13 @@ def test_fleet_avoids_itself(start):
     monitor = start(['--params-file', str(ROOT / 'config' / 'fleet.yaml')],
                     robot1__timeout=0.0, robot2__timeout=0.0, body1__timeout=60.0,
                     body2__timeout=1.5, obstacle__timeout=60.0)
-    topics = [f'/robot{k}/local_costmap/published_footprint' for k in (1, 2)]
-
-    def place(*robots):
-        for topic, x in zip(topics, robots):
-            monitor.send(topic, box(x, 0))
-        monitor.spin(0.05)
 
     def until(one, other, *robots):
-        def are_so():
-            place(*robots)
-            return (monitor.state('robot1'), monitor.state('robot2')) == (one, other)
-        monitor.until(are_so, f'{one} and {other}')
+        def send():
+            for number, x in enumerate(robots, 1):
+                monitor.send(f'/robot{number}/local_costmap/published_footprint', box(x, 0))
+        monitor.repeat(send, lambda: [one, other] == [
+            monitor.state(name) for name in ('robot1', 'robot2')], f'{one} and {other}')
     monitor.send_set('/obstacles', box(20, 20))
     until('clear', 'clear', 0, 5)
     until('collision', 'collision', 0, 0.75)
@@ -178,4 +157,4 @@ def test_fleet_avoids_itself(start):
     assert monitor.contacts('robot2') == ['body1/0']
     until('clear', 'clear', 0, 5)
     until('unknown', 'clear', 0)
-    assert 'body2' in values(monitor.status('robot1'))['reason']
+    assert 'body2' in monitor.reason('robot1')

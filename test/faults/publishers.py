@@ -148,10 +148,10 @@ class Topic:
 
 class Publisher:
     """
-    A process that publishes until it is ended or killed.
+    A process that publishes until it is ended or killed, from when somebody subscribes.
 
     The script is one of the functions below, and takes the options; `kind` is the type of
-    messages, and `qos` has the arguments of QoSProfile.
+    messages, and `qos` has the arguments of QoSProfile. What is latched is sent at once.
     """
 
     def __init__(self, world: World, domain: int, script: Callable[..., None], topic: str,
@@ -197,7 +197,10 @@ def _publish(shared: Shared, domain: int, script: Callable[..., None], topic: st
     context = rclpy.Context()
     context.init(domain_id=domain)
     made = rclpy.create_node(node, context=context)
-    script(Topic(made, topic, kind, qos, shared), **options)
+    published = Topic(made, topic, kind, qos, shared)
+    if qos != LATCHED:
+        published.until_subscribed()
+    script(published, **options)
     # Fast DDS may wait for ever here, if it discovers others at that moment.
     signal.alarm(10)
     made.destroy_node()
@@ -206,7 +209,6 @@ def _publish(shared: Shared, domain: int, script: Callable[..., None], topic: st
 
 def robot(topic: Topic, x: float = 0.0) -> None:
     """Publish a footprint at rest."""
-    topic.until_subscribed()
     for stamp in topic.every(0.05):
         topic.send(box(x, 0), stamp)
 
@@ -222,7 +224,6 @@ def odometry_ahead(topic: Topic) -> None:
 
 
 def _ahead(topic: Topic, place: Callable[[int, float], None]) -> None:
-    topic.until_subscribed()
     was_touching = False
     for stamp in topic.every(0.05):
         if topic.touching and not was_touching:
@@ -234,7 +235,6 @@ def _ahead(topic: Topic, place: Callable[[int, float], None]) -> None:
 
 def transform_ahead(topic: Topic) -> None:
     """Publish one transform stamped an hour ahead, then good ones."""
-    topic.until_subscribed()
     for ahead in (0.0, 3600.0):
         topic.publish(transforms(('map', 'base', topic.now() + round(ahead * SECOND), 0.0, 0.0)))
     for stamp in topic.every(0.02):
@@ -259,7 +259,6 @@ def sets(topic: Topic, count: int = 200, period: float = 0.1, spread: float = 0.
     and the delay of the last one. In the middle of the tenth set the process sends itself the
     signal `cut`.
     """
-    topic.until_subscribed()
     for number, stamp in enumerate(topic.every(period)):
         for k in range(count - 1):
             topic.send(box(10 + 2 * k, 50), stamp, k + 1)
@@ -273,23 +272,14 @@ def sets(topic: Topic, count: int = 200, period: float = 0.1, spread: float = 0.
             topic.end(stamp)
 
 
-def nothing_seen(topic: Topic) -> None:
-    """Publish one empty set, and leave."""
-    topic.until_subscribed()
-    topic.end(topic.now())
-    topic.publisher.wait_for_all_acked(Duration(seconds=2.0))
-
-
-def one_shot(topic: Topic) -> None:
-    """Publish one polygon without a stamp, and leave, as `ros2 topic pub --once` does."""
-    topic.until_subscribed()
-    topic.send(APART, 0)
+def once(topic: Topic, points: Sequence[tuple[float, float]], has_stamp: bool) -> None:
+    """Publish one polygon, and leave, as `ros2 topic pub --once` does."""
+    topic.send(points, topic.now() if has_stamp else 0)
     topic.publisher.wait_for_all_acked(Duration(seconds=2.0))
 
 
 def unstamped(topic: Topic) -> None:
     """Publish without stamps."""
-    topic.until_subscribed()
     for _ in topic.every(0.1):
         for k in range(5):
             topic.send(box(5 + 2 * k, 5), 0)
@@ -316,7 +306,6 @@ def map_sent_again(topic: Topic, set_back: float = 0.0, **others: Any) -> None:
 
     Its clock is set back by some s, or its other obstacles differ, after the first time.
     """
-    topic.until_subscribed()
     _map(topic, topic.now(), topic.obstacle)
     while not topic.is_over():
         time.sleep(0.5)
@@ -329,7 +318,6 @@ def map_sent_again(topic: Topic, set_back: float = 0.0, **others: Any) -> None:
 
 def map_in_frame(topic: Topic) -> None:
     """Publish a map once, in the frame map2."""
-    topic.until_subscribed()
     _map(topic, topic.now(), TOUCHING, 1, 'map2')
     topic.stay()
 
@@ -345,7 +333,6 @@ def corrected_transform(topic: Topic) -> None:
 
 def own_stamps(topic: Topic, marks: bool = True) -> None:
     """Publish sets whose obstacles come 30 ms apart, each stamped when it is sent."""
-    topic.until_subscribed()
     while not topic.is_over():
         for points in (topic.obstacle, box(7, 5), box(9, 5), *([()] if marks else ())):
             topic.send(points)
@@ -358,7 +345,6 @@ def slow_clock(topic: Topic, behind: float = 0.0) -> None:
 
     So it is with a simulated clock that steps slowly, and where several threads stamp.
     """
-    topic.until_subscribed()
     before = topic.now()
     for stamp in topic.every(0.1):
         topic.send(topic.obstacle, before - round(behind * SECOND))
@@ -375,7 +361,6 @@ def tracks(topic: Topic, obstacles: dict[int, tuple[float, float]], awake: float
     Each has a period and the time of its first message. After `awake` seconds it is silent for
     3 s; after `killed` seconds the process kills itself.
     """
-    topic.until_subscribed()
     for seconds in (awake, math.inf):
         due = {instance: first for instance, (_, first) in obstacles.items()}
         begun = time.monotonic()
@@ -394,14 +379,12 @@ def tracks(topic: Topic, obstacles: dict[int, tuple[float, float]], awake: float
 
 def track_apart(topic: Topic) -> None:
     """Use the id of the touching obstacle for one that is elsewhere."""
-    topic.until_subscribed()
     for stamp in topic.every(0.1):
         topic.send(APART, stamp, 0)
 
 
 def track_out_of_order(topic: Topic) -> None:
     """Send after each message an older one of the same id that is apart."""
-    topic.until_subscribed()
     for stamp in topic.every(0.1):
         topic.send(topic.obstacle, stamp, 0)
         topic.send(APART, stamp - SECOND // 2, 0)
@@ -409,7 +392,6 @@ def track_out_of_order(topic: Topic) -> None:
 
 def same_stamp(topic: Topic, instance: int) -> None:
     """Send two obstacles of one id with one stamp."""
-    topic.until_subscribed()
     for stamp in topic.every(0.1):
         for points in (topic.obstacle, APART):
             topic.send(points, stamp, instance)
@@ -417,7 +399,6 @@ def same_stamp(topic: Topic, instance: int) -> None:
 
 def undecodable(topic: Topic) -> None:
     """Send messages that are cut off while in contact, good sets before and after."""
-    topic.until_subscribed()
     for stamp in topic.every(0.1):
         for points in (topic.obstacle, ()):
             topic.send(points, stamp, length=-5 if topic.touching else None)
@@ -426,7 +407,6 @@ def undecodable(topic: Topic) -> None:
 def refused(topic: Topic, points: Sequence[tuple[float, float]] = TOUCHING,
             frame_id: str = 'map', length: int | None = None) -> None:
     """Send messages that are refused while in contact, each followed by a good obstacle."""
-    topic.until_subscribed()
     for stamp in topic.every(0.1):
         if topic.touching:
             topic.send(points, stamp, 0, frame_id, length)
@@ -436,11 +416,10 @@ def refused(topic: Topic, points: Sequence[tuple[float, float]] = TOUCHING,
 
 
 def late_for_deadlines(topic: Topic, count: int) -> None:
-    """Publish sets on many topics less often than their deadline promises."""
-    node = topic.node
-    publishers = [node.create_publisher(PolygonStamped, f'late{k}', profile(IN_TIME))
-                  for k in range(count)]
+    """Publish sets on this topic and more less often than their deadline promises."""
+    others = [topic.node.create_publisher(PolygonStamped, f'late{k}', profile(IN_TIME))
+              for k in range(1, count)]
     for stamp in topic.every(0.5):
-        for publisher in publishers:
+        for publisher in (topic.publisher, *others):
             publisher.publish(serialised(APART, stamp))
             publisher.publish(serialised((), stamp))

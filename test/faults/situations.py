@@ -309,7 +309,7 @@ def _second_leaves(stage: Stage) -> None:
     first = stage.publish(publishers.sets, period=2.0)
     stage.until(lambda: first.sent > 200)
     for _ in range(6):
-        stage.publish(publishers.nothing_seen, node='other').process.join()
+        stage.publish(publishers.once, node='other', points=(), has_stamp=True).process.join()
         stage.wait(0.7)
 
 
@@ -355,7 +355,8 @@ def _transform_ahead(stage: Stage) -> None:
 def _lost_among_deadlines(stage: Stage) -> None:
     """Kill a publisher with a lease while many others miss deadlines."""
     stage.leave()
-    stage.publish(publishers.late_for_deadlines, 'unused', 'late', count=_LATE)
+    stage.publish(publishers.late_for_deadlines, 'late0', 'late', qos=publishers.IN_TIME,
+                  count=_LATE)
     publisher = stage.publish(publishers.sets, qos=publishers.ALIVE, count=10)
     stage.await_clear()
     stage.wait(2.0)
@@ -381,7 +382,8 @@ def _one_shot_beside(stage: Stage) -> None:
     stage.leave()
     stage.publish(publishers.unstamped)
     stage.await_clear()
-    stage.publish(publishers.one_shot, node='other').process.join()
+    stage.publish(publishers.once, node='other', points=publishers.APART,
+                  has_stamp=False).process.join()
 
 
 def _map_moves(stage: Stage) -> None:

@@ -15,11 +15,10 @@ from xml.etree import ElementTree
 
 from builders import serialised
 from geometry_msgs.msg import PolygonStamped
-from harness import APART, box, health, LASTING, polygon_message, ROBOT, SECOND
+from harness import APART, box, health, LASTING, ROBOT, SECOND
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
-from rclpy.serialization import serialize_message
 from sat_collision.messages.transform_listener import TRANSFORM_TOPICS
 
 BOW_TIE = [(5, 5), (6, 6), (6, 5), (5, 6)]
@@ -42,27 +41,6 @@ def test_invalid_polygon_is_unknown_until_a_valid_one(start):
                            for name in ('footprint', 'obstacle')] == ['1', '1'], 'counts')
     for topic in ('/obstacles', '/footprint'):
         assert len(monitor.logged(reason, topic)) == 1
-
-
-def test_undecodable_message_is_unknown(start):
-    """A footprint at once; obstacles when the last whole set is past its timeout."""
-    monitor = start(footprint__timeout=0.0, obstacle__timeout=0.5)
-    monitor.send('footprint', ROBOT)
-    monitor.send_set_until('clear', 'obstacles', APART)
-    # Middlewares pad messages to whole words.
-    bad = serialize_message(polygon_message(APART, 10**18))[:-4]
-
-    def send():
-        monitor.publisher('obstacles').publish(bad)
-        monitor.send_set('obstacles', APART)
-    monitor.repeat(send, lambda: 'since a message was refused: undecodable' in monitor.reason())
-    monitor.send_set_until('clear', 'obstacles', APART)
-    monitor.publisher('footprint').publish(bad)
-    monitor.until_reason('was refused: undecodable')
-    monitor.send('footprint', ROBOT)
-    monitor.send_set_until('clear', 'obstacles', APART)
-    for topic in ('/obstacles', '/footprint'):
-        monitor.logged('undecodable', topic)
 
 
 def test_rejections_are_logged_once_a_second_at_most(start):

@@ -178,16 +178,6 @@ def test_topic_is_remapped_once(start_with_tf, parameters, topic, kind):
     running.publisher('/other', kind)
 
 
-def test_flag_is_raised_by_a_commanded_velocity(commanded):
-    """The robot does not move yet."""
-    robot = commanded(footprint__min_time_to_collision=2.0)
-    running = robot.running
-    publisher = running.publisher('cmd_vel', TwistStamped)
-    for speed, state in ((0.1, 'clear'), (1.0, 'imminent'), (0.0, 'clear')):
-        robot.until(lambda: running.state() == state and running.flag() is (state != 'clear'),
-                    state, publisher, stamped(speed))
-
-
 @pytest.mark.parametrize('qos', [10, BEST_EFFORT, LATCHED])
 def test_distance_follows_path_and_obstacles(planned, qos):
     """From unknown to a contact ahead, to none, and to contact; the flag is that of contacts."""

@@ -38,45 +38,12 @@ def drive(running, x, state):
     running.repeat_until(state, send)
 
 
-def test_bodies_are_placed_by_tf(start_with_tf):
-    """The robot drives into an obstacle that its camera sees at rest."""
-    running = start_with_tf()
-    running.publisher('/tf_static', PolygonStamped, LATCHED).publish(
-        transforms(('base', 'camera', 0, 0.5, 0.0)))
-
-    def send(x):
-        stamp = running.now()
-        send_transforms(running, ('odom', 'base', stamp, x, 0.0))
-        running.send('/footprint', box(0), stamp, 'base')
-        running.send_set('/obstacles', box(4.5 - x), stamp=stamp, frame_id='camera')
-
-    for x, state in ((0.0, 'clear'), (4.5, 'collision'), (6.5, 'clear')):
-        running.repeat_until(state, lambda: send(x))
-
-
 def test_static_transform_sent_before_the_start_is_received(join, start_with_tf):
     publisher = join('before').node.create_publisher(PolygonStamped, '/tf_static', LATCHED)
     publisher.publish(transforms(('odom', 'camera', 0, 0.5, 0.0)))
     running = start_with_tf()
     listener = running.monitor._monitor.transforms
     running.until(lambda: listener.received['/tf_static'], 'the latched transform')
-
-
-def test_message_waits_for_its_transform(start_with_tf):
-    """Until then the obstacle stays where it was, and nothing is refused."""
-    running = start_with_tf(transform_timeout=9.0, footprint__timeout=0.0, obstacle__timeout=60.0)
-    send_transforms(running, ('odom', 'base', running.now(), 0.0, 0.0))
-    running.send('/footprint', box(0), frame_id='odom')
-    running.send_set_until('collision', '/obstacles', box(0.5), frame_id='odom')
-    received = running.received['obstacle']
-    stamp = running.now()
-    running.send_set('/obstacles', box(0.5), stamp=stamp, frame_id='base')
-    running.until(lambda: running.received['obstacle'] == received + 2)
-    running.further('~/state', 3)
-    assert running.state() == 'collision'
-    send_transforms(running, ('odom', 'base', stamp, 9.0, 0.0))
-    running.await_state('clear')
-    assert not running.monitor._monitor.rejected
 
 
 def test_missing_and_invalid_transforms_are_logged(start_with_tf):

@@ -9,12 +9,12 @@
 
 """The publishers of a node's topics: exactly one per topic, otherwise a fault."""
 
-import functools
 import time
 from types import SimpleNamespace
 
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
 from harness import APART, box, health, LASTING, polygon_message, ROBOT, SECOND, TOUCHING
+from publishers import ALIVE, Publisher, sets, World
 import pytest
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
@@ -109,32 +109,20 @@ def test_latched_publisher_without_a_latched_subscription(start, join):
         'set qos_overrides./obstacles.subscription.durability: transient_local')
 
 
-PUBLISHER = """
-import sys, time
-from geometry_msgs.msg import Point32, PolygonStamped
-import rclpy
-from rclpy.duration import Duration
-from rclpy.qos import LivelinessPolicy, QoSProfile
-rclpy.init(domain_id=int(sys.argv[1]))
-node = rclpy.create_node('detector')
-publisher = node.create_publisher(PolygonStamped, '/obstacles', QoSProfile(
-    depth=10, liveliness=LivelinessPolicy.AUTOMATIC,
-    liveliness_lease_duration=Duration(seconds=0.5)))
-message = PolygonStamped()
-message.header.frame_id = 'map'
-while True:
-    message.header.stamp = node.get_clock().now().to_msg()
-    for points in ([Point32(x=x, y=5.0) for x in (5.0, 6.0)], []):
-        message.polygon.points = points
-        publisher.publish(message)
-    time.sleep(0.03)
-"""
-
-
 @pytest.fixture
-def detector(run, domain):
-    """Start a process that publishes sets thirty times a second, with a lease of 0.5 s."""
-    return functools.partial(run, '-c', PUBLISHER, str(domain))
+def detector(domain):
+    """Start processes that publish sets thirty times a second, with a lease of 0.5 s."""
+    world = World()
+    world.touching.value = 0
+    started = []
+
+    def detector():
+        started.append(Publisher(world, domain, sets, '/obstacles', 'detector', qos=ALIVE,
+                                 count=2, period=0.03))
+        return started[-1]
+    yield detector
+    for process in started:
+        process.end()
 
 
 LIVELINESS = {'qos_overrides./obstacles.subscription.liveliness': 'automatic',
@@ -171,27 +159,6 @@ def test_killed_publisher_is_replaced_while_dds_lists_both(start, detector):
     count = len(monitor.states())
     monitor.until(lambda: monitor.states()[count + 3:][-1:] == ['clear'])
     assert monitor.node.count_publishers('/obstacles') == 2 or time.monotonic() - killed > 20.0
-
-
-def test_lost_liveliness_is_noticed_beside_missed_deadlines(start, detector):
-    """Twenty topics miss a deadline every 20 ms; each is an event of the middleware."""
-    names = [f'late{k}' for k in range(20)]
-    period = SECOND // 50
-    monitor = start(obstacles=['obstacle', *names], obstacle__topic='obstacles',
-                    footprint__obstacles=['obstacle'], **LASTING, **LIVELINESS,
-                    **{f'qos_overrides./{name}.subscription.deadline': period for name in names})
-    for name in names:
-        monitor.publisher(name, qos=QoSProfile(depth=1, deadline=Duration(nanoseconds=period)))
-        monitor.send(name, APART)
-    monitor.send('footprint', ROBOT)
-    process = detector()
-    monitor.await_state('clear')
-    monitor.until(lambda: all(int(health(monitor).get(f'/{name}: deadlines missed', 0)) > 20
-                              for name in names), 'deadlines missed')
-    process.kill()
-    # The lease takes 0.5 s; after 20 s DDS would remove the participant anyway.
-    monitor.await_state('unknown', timeout=15.0)
-    assert '/obstacles has no publisher' in monitor.reason()
 
 
 def test_missed_deadline_is_counted(start):

@@ -133,17 +133,6 @@ def test_step_of_the_system_clock_begins_anew(start, monkeypatch):
     monitor.await_state('clear')
 
 
-def test_release_delay_counts_in_simulated_time(start):
-    monitor = start(use_sim_time=True, release_delay=1.0, footprint__timeout=0.0,
-                    obstacle__timeout=60.0)
-    begin(monitor, TOUCHING, 'collision')
-    monitor.send_set('obstacles', APART, stamp=HOUR + SECOND // 2)
-    monitor.until(lambda: not monitor.contacts())
-    assert monitor.state() == 'collision'
-    monitor.set_clock(HOUR + 2 * SECOND)
-    monitor.await_state('clear')
-
-
 def test_simulated_time_can_be_switched_on_and_off(start):
     """Each switch drops what was received by the other clock."""
     monitor = start()

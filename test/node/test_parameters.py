@@ -297,19 +297,6 @@ def test_atomic_change_with_one_invalid_value_is_refused(declare):
     assert parameters.settings.release_delay == 0.0
 
 
-def nested(values):
-    """Return dotted names as nested dictionaries, as ros2 param dump does."""
-    top = {}
-    for name, value in values.items():
-        *groups, last = name.split('.')
-        inner = top
-        for group in groups:
-            inner = inner.setdefault(group, {})
-        assert last not in inner, f'{name} is both a value and a group'
-        inner[last] = value
-    return top
-
-
 def dump(monitor, node):
     """Return all parameters of a node by name, read through its services."""
     client = AsyncParameterClient(monitor.node, node)
@@ -331,7 +318,7 @@ def test_start_from_a_dump(start, tmp_path, namespace):
     dumped = dump(start(remapped), node)
     assert 'footprint.timeout' in dumped and dumped['use_sim_time'] is False
     path = tmp_path / 'dump.yaml'
-    path.write_text(yaml.dump({node: {'ros__parameters': nested(dumped)}}))
+    path.write_text(yaml.dump({node: {'ros__parameters': dumped}}))
     second = start((*remapped, '--params-file', str(path))).monitor
     assert {name: second.get_parameter(name).value for name in dumped} == dumped
     assert len(second._parameter_overrides) == len(dumped)

@@ -178,18 +178,15 @@ class Publisher:
         self.process.kill()
         self.process.join()
 
-    @contextlib.contextmanager
-    def stopped(self) -> Iterator[None]:
-        """Suspend it."""
-        os.kill(self.process.pid, signal.SIGSTOP)
-        try:
-            yield
-        finally:
-            self.go_on()
 
-    def go_on(self) -> None:
-        """Resume it."""
-        os.kill(self.process.pid, signal.SIGCONT)
+@contextlib.contextmanager
+def suspended(pid: int) -> Iterator[None]:
+    """Stop a process meanwhile."""
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        os.kill(pid, signal.SIGCONT)
 
 
 def _publish(shared: Shared, domain: int, script: Callable[..., None], topic: str, node: str,

@@ -156,20 +156,12 @@ class Stage(Witness):
         self.until(client.services_are_ready)
         self.until(client.set_parameters([Parameter('obstacle.enabled', value=enabled)]).done)
 
-    def stop_repeatedly(self, stopped: Callable[[], Any]) -> None:
+    def stop_repeatedly(self, pid: int) -> None:
         """Suspend a process for 60 to 300 ms at random moments."""
         for _ in range(round(20 * self.length)):
             self.wait(self.random.uniform(0.05, 0.35))
-            with stopped():
+            with publishers.suspended(pid):
                 self.wait(self.random.uniform(0.06, 0.3))
-
-    @contextlib.contextmanager
-    def monitor_stopped(self) -> Iterator[None]:
-        self.monitor.send_signal(signal.SIGSTOP)
-        try:
-            yield
-        finally:
-            self.monitor.send_signal(signal.SIGCONT)
 
     @contextlib.contextmanager
     def busy(self, pid: int, niceness: int = 0) -> Iterator[None]:
@@ -255,13 +247,13 @@ def _lasting(seconds: float, script: Callable[..., None], topic: str = '/obstacl
 def _monitor_stopped(stage: Stage, **form: Any) -> None:
     stage.publish(publishers.sets, **form)
     stage.wait(1.0)
-    stage.stop_repeatedly(stage.monitor_stopped)
+    stage.stop_repeatedly(stage.monitor.pid)
 
 
 def _publisher_stopped(stage: Stage, **form: Any) -> None:
     publisher = stage.publish(publishers.sets, spread=0.05, **form)
     stage.wait(1.0)
-    stage.stop_repeatedly(publisher.stopped)
+    stage.stop_repeatedly(publisher.process.pid)
 
 
 def _killed_in_a_set(stage: Stage, **form: Any) -> None:
@@ -273,7 +265,7 @@ def _killed_in_a_set(stage: Stage, **form: Any) -> None:
 def _stopped_in_a_set(stage: Stage, **form: Any) -> None:
     publisher = stage.publish(publishers.sets, cut=signal.SIGSTOP, **form)
     stage.wait(4.0)
-    publisher.go_on()
+    os.kill(publisher.process.pid, signal.SIGCONT)
 
 
 def _busy_publisher(stage: Stage) -> None:

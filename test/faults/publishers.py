@@ -140,11 +140,6 @@ class Topic:
             if self.publisher.get_subscription_count():
                 return
 
-    def stay(self) -> None:
-        """Keep the publisher without sending, as a map server does."""
-        for _ in self.every(0.02):
-            pass
-
 
 class Publisher:
     """
@@ -210,24 +205,18 @@ def robot(topic: Topic, x: float = 0.0) -> None:
         topic.send(box(x, 0), stamp)
 
 
-def robot_ahead(topic: Topic) -> None:
+def robot_ahead(topic: Topic, by_odometry: bool = False) -> None:
     """Move onto the obstacle right after a message stamped ahead."""
-    _ahead(topic, lambda stamp, x: topic.send(box(x, 0), stamp))
-
-
-def odometry_ahead(topic: Topic) -> None:
-    """Likewise by odometry."""
-    _ahead(topic, lambda stamp, x: topic.publish(odometry('map', 'base', stamp, x, 0.0)))
-
-
-def _ahead(topic: Topic, place: Callable[[int, float], None]) -> None:
     was_touching = False
     for stamp in topic.every(0.05):
-        if topic.touching and not was_touching:
-            place(stamp + 9 * SECOND // 10, 50.0)
+        touching = topic.touching
+        begins, was_touching = touching and not was_touching, touching
+        stamp += 9 * SECOND // 10 if begins else 0
+        x = 0.0 if touching and not begins else 50.0
+        if by_odometry:
+            topic.publish(odometry('map', 'base', stamp, x, 0.0))
         else:
-            place(stamp, 0.0 if topic.touching else 50.0)
-        was_touching = topic.touching
+            topic.send(box(x, 0), stamp)
 
 
 def transform_ahead(topic: Topic) -> None:
@@ -275,17 +264,27 @@ def once(topic: Topic, points: Sequence[tuple[float, float]], has_stamp: bool) -
     topic.publisher.wait_for_all_acked(Duration(seconds=2.0))
 
 
-def unstamped(topic: Topic) -> None:
-    """Publish without stamps."""
-    for _ in topic.every(0.1):
-        for k in range(5):
-            topic.send(box(5 + 2 * k, 5), 0)
+def repeated(topic: Topic,
+             messages: Sequence[tuple[Sequence[tuple[float, float]] | None, float | None, int]]
+             ) -> None:
+    """
+    Send messages again and again, each of which is a tuple of points, age and id.
+
+    Without points it is of the obstacle that touches or not; without an age, in s, it has no
+    stamp.
+    """
+    for stamp in topic.every(0.1):
+        for points, age, instance in messages:
+            topic.send(topic.obstacle if points is None else points,
+                       0 if age is None else stamp - round(age * SECOND), instance)
 
 
-def latched(topic: Topic) -> None:
-    """Publish a latched map once."""
-    _map(topic, 0, APART)
-    topic.stay()
+def latched(topic: Topic, first: Sequence[tuple[float, float]] = APART, count: int = 5,
+            frame_id: str = 'map') -> None:
+    """Publish a latched map once, and stay."""
+    _map(topic, 0, first, count, frame_id)
+    for _ in topic.every(0.02):
+        pass
 
 
 def _map(topic: Topic, stamp: int, first: Sequence[tuple[float, float]], count: int = 5,
@@ -311,12 +310,6 @@ def map_sent_again(topic: Topic, set_back: float = 0.0, **others: Any) -> None:
         for _ in topic.every(0.02):
             if topic.touching != was_touching:
                 break
-
-
-def map_in_frame(topic: Topic) -> None:
-    """Publish a map once, in the frame map2."""
-    _map(topic, topic.now(), TOUCHING, 1, 'map2')
-    topic.stay()
 
 
 def corrected_transform(topic: Topic) -> None:
@@ -372,26 +365,6 @@ def tracks(topic: Topic, obstacles: dict[int, tuple[float, float]], awake: float
                                stamp, instance)
         for _ in topic.every(0.02, 3.0):
             pass
-
-
-def track_apart(topic: Topic) -> None:
-    """Use the id of the touching obstacle for one that is elsewhere."""
-    for stamp in topic.every(0.1):
-        topic.send(APART, stamp, 0)
-
-
-def track_out_of_order(topic: Topic) -> None:
-    """Send after each message an older one of the same id that is apart."""
-    for stamp in topic.every(0.1):
-        topic.send(topic.obstacle, stamp, 0)
-        topic.send(APART, stamp - SECOND // 2, 0)
-
-
-def same_stamp(topic: Topic, instance: int) -> None:
-    """Send two obstacles of one id with one stamp."""
-    for stamp in topic.every(0.1):
-        for points in (topic.obstacle, APART):
-            topic.send(points, stamp, instance)
 
 
 def undecodable(topic: Topic) -> None:

@@ -322,10 +322,10 @@ def _tracker_killed(stage: Stage) -> None:
     stage.respawn(publishers.tracks, obstacles={0: (0.1, 0.0), 1: (0.1, 0.0)}, **_IDS)
 
 
-def _ahead(script: Callable[..., None], topic: str, **options: Any) -> Callable[[Stage], None]:
+def _ahead(topic: str, **options: Any) -> Callable[[Stage], None]:
     def act(stage: Stage) -> None:
         stage.leave()
-        robot = stage.publish(script, topic, 'robot', **options)
+        robot = stage.publish(publishers.robot_ahead, topic, 'robot', **options)
         stage.publish(publishers.sets)
         stage.await_clear()
         sent = robot.sent
@@ -372,7 +372,7 @@ def _respawned(script: Callable[..., None], end: Callable[[Publisher], None] = P
 
 def _one_shot_beside(stage: Stage) -> None:
     stage.leave()
-    stage.publish(publishers.unstamped)
+    stage.publish(**_UNSTAMPED)
     stage.await_clear()
     stage.publish(publishers.once, node='other', points=publishers.APART,
                   has_stamp=False).process.join()
@@ -383,7 +383,8 @@ def _map_moves(stage: Stage) -> None:
     stage.leave()
     stage.publish(publishers.corrected_transform, '/tf_static', 'corrector', qos=LATCHED)
     # Kept by its publisher: sent only once, it might be missed.
-    stage.publish(publishers.map_in_frame, qos=LATCHED)
+    stage.publish(publishers.latched, qos=LATCHED, first=publishers.TOUCHING, count=1,
+                  frame_id='map2')
     stage.await_clear()
     stage.contact()
     stage.wait(3.0)
@@ -423,6 +424,8 @@ def _enabled_again(stage: Stage) -> None:
 
 
 _LATE = 20
+_UNSTAMPED = {'script': publishers.repeated,
+              'messages': [(publishers.box(5 + 2 * k, 5), None, 0) for k in range(5)]}
 _IDS = {'kind': PolygonInstanceStamped}
 _MARKS = {'obstacle.set_end': 'empty_polygon'}
 _SHORT = {'obstacle.timeout': 1.0}
@@ -488,7 +491,8 @@ SITUATIONS = {
     'a map of more than half of max_count is sent again': Situation(
         _map_grows, 1.0, {**_MAP, 'obstacle.max_count': 8}),
     **{f'two messages of one id with one stamp, the id {instance}': Situation(
-        _lasting(4.0, publishers.same_stamp, instance=instance, **_IDS), 1.4, _BY_ID)
+        _lasting(4.0, publishers.repeated, messages=[
+            (points, 0.0, instance) for points in (None, publishers.APART)], **_IDS), 1.4, _BY_ID)
        for instance in (0, 7)},
     'no message can be decoded any more': Situation(
         _undecodable, 1.0, _SHORT,
@@ -520,15 +524,17 @@ SITUATIONS = {
                  **_IDS), 4.2, _SLOW),
     'two publishers use the same id': Situation(
         _beside('/obstacles', {'script': publishers.tracks, 'obstacles': {0: (0.1, 0.0)}, **_IDS},
-                {'script': publishers.track_apart, **_IDS}), 1.4, _BY_ID),
+                {'script': publishers.repeated, 'messages': [(publishers.APART, 0.0, 0)], **_IDS}),
+        1.4, _BY_ID),
     'one of two publishers of ids is killed': Situation(_tracker_killed_beside, 22.0, _BY_ID),
     'an id with an older stamp after a newer one': Situation(
-        _lasting(3.0, publishers.track_out_of_order, **_IDS), 1.4, _BY_ID),
+        _lasting(3.0, publishers.repeated, messages=[
+            (None, 0.0, 0), (publishers.APART, 0.5, 0)], **_IDS), 1.4, _BY_ID),
     'a tracker is killed 1.4 s after it sent the contact': Situation(_tracker_killed, 2.4, _SLOW),
     'a footprint stamped 0.9 s ahead': Situation(
-        _ahead(publishers.robot_ahead, '/footprint'), footprint=False),
+        _ahead('/footprint'), footprint=False),
     'odometry stamped 0.9 s ahead': Situation(
-        _ahead(publishers.odometry_ahead, '/odom', kind=Odometry),
+        _ahead('/odom', kind=Odometry, by_odometry=True),
         parameters={**_OUTLINE, 'footprint.odometry': '/odom'}, footprint=False),
     'a transform stamped an hour ahead': Situation(
         _transform_ahead, 0.5, _OUTLINE, footprint=False),
@@ -541,7 +547,7 @@ SITUATIONS = {
     'the publisher is killed and respawned': Situation(
         _respawned(publishers.sets, Publisher.kill), 21.0),
     'a publisher without stamps restarts': Situation(
-        _respawned(publishers.unstamped), 1.4, _NO_MARKS),
+        _respawned(**_UNSTAMPED), 1.4, _NO_MARKS),
     'one message without a stamp comes from another, beside those of a publisher': Situation(
         _one_shot_beside, 1.4, _NO_MARKS),
     'the server of a latched map restarts': Situation(

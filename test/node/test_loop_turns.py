@@ -192,7 +192,6 @@ def test_looking_at_many_footprints_takes_no_more_time_than_obstacles(peer, loop
 
 
 def test_footprints_are_received_and_published_first(peer, looped):
-    """They do not wait for the obstacles that arrived with them."""
     receiver = Recorder()
     arrive(peer, flood=20, other=1)
     looped.until(receiver, lambda: 'flood' in receiver.names)
@@ -227,7 +226,6 @@ def test_messages_come_before_the_next_part_of_what_can_wait(peer, looped, topic
 
 
 def test_event_is_handled_at_once(peer, looped):
-    """It does not wait for the next tick."""
     receiver = Recorder(often=0)
     matched = []
     looped.node.create_subscription(

@@ -358,7 +358,6 @@ def test_health_warns_of_a_silent_source(start):
 
 
 def test_separation_follows_the_scene(start):
-    """NaN, infinity without obstacles, a gap, a depth, and NaN again."""
     monitor = start(footprint__timeout=1.0, obstacle__timeout=60.0)
     received = monitor.listen('~/footprint/separation')
 

@@ -306,13 +306,6 @@ def test_parameter_file_for_other_nodes_is_warned_of(launch, tmp_path):
                           '/robot/monitor')
 
 
-def test_debug_level_does_not_apply_to_rcl(launch_ready, peer):
-    """It would log two lines per message."""
-    process = launch_ready('--log-level', 'debug')
-    process.terminate()
-    assert '[rcl]' not in ended(process)[1]
-
-
 def test_node_runs_with_closed_output(run, peer):
     """Some supervisors start it without stdout and stderr."""
     process = run('-c', WITHOUT_OUTPUT)
@@ -321,16 +314,18 @@ def test_node_runs_with_closed_output(run, peer):
     assert process.wait(60) == 0
 
 
-def test_first_log_lines(launch):
-    process = launch('-r', 'obstacles:=/seen')
+def test_log(launch, peer):
+    """The debug level does not apply to rcl: it would log two lines per message."""
+    process = launch('-r', 'obstacles:=/seen', '--log-level', 'debug')
     for words in ('kernels', 'footprint: PolygonStamped on /footprint',
                   'obstacle: PolygonStamped on /seen'):
         output_until(process, words)
+    process.terminate()
+    assert '[rcl]' not in ended(process)[1]
 
 
 @pytest.mark.long
 def test_no_kernel_is_compiled_after_the_start(domain):
-    """No message waits for the compiler."""
     pytest.importorskip('numba')
     subprocess.run([sys.executable, '-c', ALL_KINDS_OF_MESSAGES], cwd=ROOT, check=True,
                    env={**os.environ, 'ROS_DOMAIN_ID': str(domain)})

@@ -18,7 +18,6 @@ import time
 
 from geometry_msgs.msg import Twist, Vector3
 from harness import APART, box, LASTING, TOUCHING
-import pytest
 from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import Bool
 import yaml
@@ -111,31 +110,22 @@ class Robot:
         self.monitor.repeat(self.command, lambda: self.speed == speed, f'a speed of {speed}')
 
 
-@pytest.fixture
-def robot(start):
-    with closing(Robot(start(**LASTING))) as robot:
-        yield robot
-
-
-def test_example_stops_the_robot(robot):
-    """It stops before the first flag and in contact, and drives when clear."""
-    robot.until(0.0)
-    robot.monitor.send_both(APART)
-    robot.until(0.5)
-    robot.monitor.send_set('/obstacles', TOUCHING)
-    robot.until(0.0)
-
-
-def test_example_stops_the_robot_without_a_flag(robot):
-    """If the monitor stops publishing, the last flag counts for 0.3 s."""
-    robot.monitor.send_both(APART)
-    robot.until(0.5)
-    flags = robot.monitor.listen('~/collision')
-    begin = len(flags)
-    robot.monitor._stop.set()
-    robot.until(0.0)
-    assert time.monotonic() >= robot.node.clear_until > 0.0
-    assert not any(flag.data for flag in flags[begin:])
+def test_example_stops_the_robot(start):
+    """Before the first flag, in contact, and 0.3 s after the monitor has stopped publishing."""
+    monitor = start(**LASTING)
+    with closing(Robot(monitor)) as robot:
+        robot.until(0.0)
+        monitor.send_both(TOUCHING)
+        monitor.until(monitor.flag)
+        for obstacle, speed in ((APART, 0.5), (TOUCHING, 0.0), (APART, 0.5)):
+            monitor.send_set('obstacles', obstacle)
+            robot.until(speed)
+        flags = monitor.listen('~/collision')
+        begin = len(flags)
+        monitor._stop.set()
+        robot.until(0.0)
+        assert time.monotonic() >= robot.node.clear_until > 0.0
+        assert not any(flag.data for flag in flags[begin:])
 
 
 def test_fleet_avoids_itself(start):

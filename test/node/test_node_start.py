@@ -141,7 +141,7 @@ def test_flags_are_published_before_distances_can_be_measured(start, peer):
     node = start('-m', 'sat_collision.node', '--ros-args', '-p', 'watchdog:=0.0')
     lines_until(node, 'distances are measured later')
     flags, separations = peer.listen('~/collision'), peer.listen('~/footprint/separation')
-    states, markers = peer.listen('~/state'), peer.markers()
+    states, markers = peer.listen('~/state'), peer.listen('~/markers')
 
     def publishes(x, collides):
         peer.send('footprint', box(0.0))

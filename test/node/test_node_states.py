@@ -95,7 +95,6 @@ def test_repeated_states_have_a_new_stamp_and_age(start):
 
 
 def test_states_show_the_nearest_obstacle(start):
-    """The nearer of two, then one that overlaps."""
     monitor = start(**LASTING)
     for state, polygons, nearest, separation in (
             ('clear', [box(4, 5), box(0, 1.5)], 'obstacle/1', '0.5'),

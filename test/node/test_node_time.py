@@ -32,8 +32,8 @@ def begin(monitor, obstacle, state):
     monitor.await_state(state)
 
 
-def test_unknown_before_the_first_clock(start):
-    """States are published nevertheless."""
+def test_ages_count_in_simulated_time(start):
+    """All is unknown before it begins; while it stands still, messages stay fresh."""
     monitor = start(use_sim_time=True)
     monitor.send_both(APART, stamp=HOUR)
     monitor.until(lambda: monitor.received.total() == 3)
@@ -41,11 +41,6 @@ def test_unknown_before_the_first_clock(start):
     assert 'clock' in monitor.reason()
     monitor.until_flags(True)
     monitor.further('~/state')
-
-
-def test_ages_count_in_simulated_time(start):
-    """States are published and messages stay fresh while the clock is paused."""
-    monitor = start(use_sim_time=True)
     begin(monitor, APART, 'clear')
     monitor.further('~/collision', 14)
     assert monitor.state() == 'clear', 'the clock stands still'

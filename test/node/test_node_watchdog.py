@@ -239,7 +239,6 @@ def test_dds_reports_a_dead_monitor(run, peer, number):
 
 
 def test_systemd_is_notified(run, tmp_path):
-    """READY=1 when the loop runs, then WATCHDOG=1, and STOPPING=1 at the end."""
     address = str(tmp_path / 'notify')
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as connection:
         connection.bind(address)

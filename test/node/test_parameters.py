@@ -312,7 +312,6 @@ def dump(monitor, node):
 
 @pytest.mark.parametrize('namespace', ['', '/robot1'])
 def test_start_from_a_dump(start, tmp_path, namespace):
-    """All parameters are the same again."""
     node = f'{namespace}/footprint_monitor'
     remapped = ('-r', f'__ns:={namespace}') if namespace else ()
     dumped = dump(start(remapped), node)

@@ -115,7 +115,8 @@ class Peer:
         """Spin until the condition holds and return its value; fail if it never does."""
         end = time.monotonic() + timeout
         while not (value := condition()):
-            assert time.monotonic() < end, f'{what} did not happen'
+            last = self._received.get(f'/{self.name}/state', [])[-1:]
+            assert time.monotonic() < end, f'{what} did not happen; the last state is {last}'
             self.spin()
         return value
 
@@ -249,10 +250,6 @@ class Peer:
         return next((status for array in reversed(received) for status in array.status
                      if status.name == name), None)
 
-    def markers(self):
-        """Return the list of marker arrays received."""
-        return self.listen('~/markers')
-
     def logged(self, *words):
         """Return the node's log lines with all these words, once there is one."""
         qos = QoSProfile(depth=1000, durability=rclpy.qos.DurabilityPolicy.TRANSIENT_LOCAL)
@@ -277,21 +274,12 @@ class Peer:
 
     def repeat_until(self, state, send):
         """Call a function that sends again and again until the footprint is in a state."""
-        with self._last_state('footprint'):
-            self.repeat(send, lambda: self.state() == state, f'footprint {state}')
+        self.repeat(send, lambda: self.state() == state, f'footprint {state}')
 
     def await_state(self, state, footprint='footprint', timeout=TIMEOUT):
         """Wait until the footprint's last state is the given one; return its status."""
-        with self._last_state(footprint):
-            self.until(lambda: self.state(footprint) == state, f'{footprint} {state}', timeout)
+        self.until(lambda: self.state(footprint) == state, f'{footprint} {state}', timeout)
         return self.status(footprint)
-
-    @contextmanager
-    def _last_state(self, footprint):
-        try:
-            yield
-        except AssertionError as error:
-            raise AssertionError(f'{error}; the last state is {self.status(footprint)}') from None
 
     def set_parameters(self, **parameters):
         """Set parameters by the node's service; return why each was refused, None if accepted."""

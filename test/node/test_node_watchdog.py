@@ -126,25 +126,25 @@ def test_message_of_stamp_0_that_waited_through_a_stall_is_old(
                        **parameters})
     frame_id = running.monitor._scene.settings.frame_id or 'map'
 
-    def publish(*messages):
-        for message in messages:
+    def publish():
+        for message in sent:
             running.publisher(topic, kind).publish(message)
 
     def send():
-        if name != 'obstacle':
-            running.send_set('obstacles', APART, frame_id=frame_id)
         if name == 'obstacle':
             running.send('footprint', ROBOT)
-        elif name != 'footprint':
+        else:
+            running.send_set('obstacles', APART, frame_id=frame_id)
+        if name == 'footprint.cmd_vel':
             running.publisher('/odom', Odometry).publish(
                 odometry('odom', 'base', running.now(), 0, 0))
-        publish(*sent)
+        publish()
     running.repeat(send, lambda: running.state() == 'clear' and (
         name != 'footprint.cmd_vel' or running.value('velocity').endswith('command')))
     running.until(lambda: running.flag() is False)
     stalled = stall(running)
     before = running.received[name]
-    publish(*sent)
+    publish()
     running.spin(1.0)
     states = running.listen('~/state')
     del states[:]

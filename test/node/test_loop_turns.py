@@ -88,7 +88,8 @@ class Recorder:
 
     @property
     def between_ticks(self):
-        return [name for name in self.names if name != 'tick']
+        # On a busy machine a turn may take so long that time passes within it.
+        return [name for name in self.names if name not in ('tick', 'advance')]
 
 
 @pytest.fixture

@@ -16,11 +16,11 @@ does each once. Clocks are stepped if libfaketime is installed.
 import argparse
 from collections.abc import Callable
 import contextlib
+from functools import partial
 import os
 from pathlib import Path
 import signal
 import statistics
-import subprocess
 import sys
 import tempfile
 import threading
@@ -105,7 +105,6 @@ class Rig(Witness):
         self._ended = threading.Event()
         self._sender = threading.Thread(target=self._publish)
         self._sender.start()
-        self.process: subprocess.Popen[bytes] | None = None
 
     def start(self, *command: str) -> None:
         """Start the node's process, optionally through another command."""
@@ -115,7 +114,6 @@ class Rig(Witness):
              '-p', 'obstacle.set_end:=empty_polygon'])
 
     def restart(self, *command: str) -> None:
-        """Kill the node's process if it is running, and start it again."""
         self.kill()
         # Drop the flags of the old process.
         time.sleep(0.2)
@@ -123,10 +121,8 @@ class Rig(Witness):
         self.start(*command)
 
     def kill(self) -> None:
-        """Kill the node's process."""
-        if self.process:
-            self.process.kill()
-            self.process.wait()
+        self.process.kill()
+        self.process.wait()
 
     def start_with_own_clock(self) -> None:
         """Restart the node's process with a clock that can be stepped."""
@@ -175,10 +171,6 @@ class Rig(Witness):
         when, raised = self.flags[-1]
         return not raised and time.monotonic() - when < TOO_OLD
 
-    def clears_since(self, when: float) -> int:
-        """Return the number of clear flags after a time."""
-        return sum(not raised for time_, raised in self.flags if time_ > when)
-
 
 def outcome(rig: Rig, begin: Callable[[], object], end: Callable[[], object],
             lasting: float = 2.0) -> Outcome:
@@ -188,24 +180,9 @@ def outcome(rig: Rig, begin: Callable[[], object], end: Callable[[], object],
     begin()
     detected = rig.until(lambda: not rig.is_clear())
     time.sleep(lasting)
-    wrong = rig.clears_since(begun + _BEGINS)
+    wrong = sum(not raised for when, raised in rig.flags if when > begun + _BEGINS)
     end()
     return Outcome(detected, rig.until(rig.is_clear), wrong)
-
-
-def _killed(rig: Rig) -> Outcome:
-    return outcome(rig, rig.kill, rig.start)
-
-
-def _stopped(rig: Rig) -> Outcome:
-    assert rig.process
-    process = rig.process
-    return outcome(rig, lambda: process.send_signal(signal.SIGSTOP),
-                   lambda: process.send_signal(signal.SIGCONT))
-
-
-def _stalled(rig: Rig) -> Outcome:
-    return outcome(rig, rig.hanging.touch, rig.hanging.unlink)
 
 
 def _bad(kind: str, name: str) -> Callable[[Rig], Outcome]:
@@ -221,10 +198,6 @@ def _clock_stepped(seconds: float) -> Callable[[Rig], Outcome]:
         finally:
             rig.restart()
     return fault
-
-
-def _contact(rig: Rig) -> Outcome:
-    return outcome(rig, lambda: rig.x.update(footprint=5.0), lambda: rig.x.update(footprint=0.0))
 
 
 def _contact_in_flood(rig: Rig) -> Outcome:
@@ -256,10 +229,14 @@ def _contact_in_flood(rig: Rig) -> Outcome:
 
 
 FAULTS: dict[str, Callable[[Rig], Outcome]] = {
-    'no fault: the robot touches an obstacle': _contact,
-    'the monitor is killed and started again': _killed,
-    'the monitor is stopped and goes on (SIGSTOP, SIGCONT)': _stopped,
-    'the loop of the monitor hangs': _stalled,
+    'no fault: the robot touches an obstacle': lambda rig: outcome(
+        rig, partial(rig.x.update, footprint=5.0), partial(rig.x.update, footprint=0.0)),
+    'the monitor is killed and started again': lambda rig: outcome(rig, rig.kill, rig.start),
+    'the monitor is stopped and goes on (SIGSTOP, SIGCONT)': lambda rig: outcome(
+        rig, partial(rig.process.send_signal, signal.SIGSTOP),
+        partial(rig.process.send_signal, signal.SIGCONT)),
+    'the loop of the monitor hangs': lambda rig: outcome(
+        rig, rig.hanging.touch, rig.hanging.unlink),
     'the footprint is silent (timeout 0.5 s)': _bad('silent', 'footprint'),
     'the obstacles are silent (timeout 0.5 s)': _bad('silent', 'obstacles'),
     'footprints come damaged': _bad('damaged', 'footprint'),

@@ -21,7 +21,7 @@ import sys
 import time
 
 from geometry_msgs.msg import PolygonStamped
-from harness import TOUCHING
+from harness import lines_until, TOUCHING
 import pytest
 from rclpy.parameter_client import AsyncParameterClient
 from sat_collision.node.__main__ import main
@@ -85,20 +85,12 @@ def launch(run):
 WITH_KERNELS = {'NUMBA_DISABLE_JIT': '0'}
 
 
-def output_until(process, words):
-    """Read the process's output up to a line with some words."""
-    for line in process.stdout:
-        if words in line:
-            return
-    pytest.fail(f'the process ended without a word of {words}')
-
-
 @pytest.fixture
 def launch_ready(launch):
     """Start the node's process and wait until it has subscribed."""
     def launch_ready(*arguments, **options):
         process = launch(*arguments, **options)
-        output_until(process, 'obstacle: ')
+        lines_until(process, 'obstacle: ')
         return process
     return launch_ready
 
@@ -113,7 +105,7 @@ def ended(process):
 def test_what_to_try_works(launch, run, peer):
     """The log names a command that publishes what the node checks."""
     process = launch()
-    line = next(line for line in process.stdout if 'nothing is published yet' in line)
+    line = lines_until(process, 'nothing is published yet')[-1]
     python, *command = shlex.split(line.rpartition(': ')[2])
     assert python == sys.executable
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -128,7 +120,7 @@ def test_what_to_try_works(launch, run, peer):
 def test_nothing_to_try_is_named_where_something_is_published(launch, peer):
     peer.node.create_publisher(PolygonStamped, 'footprint', 1)
     process = launch()
-    output_until(process, '/obstacles has no publisher')
+    lines_until(process, '/obstacles has no publisher')
     process.send_signal(signal.SIGINT)
     assert 'nothing is published' not in ended(process)[1]
 
@@ -193,7 +185,7 @@ def test_two_signals_at_once(run):
 
 def test_signal_while_the_node_starts(launch):
     process = launch(env=WITH_KERNELS)
-    output_until(process, 'kernels')
+    lines_until(process, 'kernels')
     process.send_signal(signal.SIGINT)
     status, output = ended(process)
     assert (status, 'Traceback' in output) == (0, False), output
@@ -302,8 +294,8 @@ def test_parameter_file_for_other_nodes_is_warned_of(launch, tmp_path):
     path = tmp_path / 'a.yaml'
     path.write_text('robot:\n  monitor: {ros__parameters: {margin: 1.0}}\n')
     process = launch('--params-file', str(path))
-    output_until(process, f'{path} has no parameters for /footprint_monitor, only for '
-                          '/robot/monitor')
+    lines_until(process, f'{path} has no parameters for /footprint_monitor, only for '
+                         '/robot/monitor')
 
 
 def test_node_runs_with_closed_output(run, peer):
@@ -319,7 +311,7 @@ def test_log(launch, peer):
     process = launch('-r', 'obstacles:=/seen', '--log-level', 'debug')
     for words in ('kernels', 'footprint: PolygonStamped on /footprint',
                   'obstacle: PolygonStamped on /seen'):
-        output_until(process, words)
+        lines_until(process, words)
     process.terminate()
     assert '[rcl]' not in ended(process)[1]
 

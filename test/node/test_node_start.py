@@ -21,6 +21,7 @@ import time
 from builders import box
 from compiled import COMPILED_FILES, copy_package, FOR_DISTANCES
 from hardship import allow_writing, forbid_writing, without_privileges
+from harness import lines_until
 import pytest
 from sat_collision.geometry.compiled.jit import COMPILED
 
@@ -57,16 +58,6 @@ def start(place, domain):
     for process in started:
         process.kill()
         process.communicate()
-
-
-def lines_until(process, words):
-    """Return the lines of a process up to one with some words."""
-    lines = []
-    for line in process.stdout:
-        lines.append(line)
-        if words in line:
-            return lines
-    pytest.fail(f'ended without a word of {words}: {lines}')
 
 
 def stopped(node):

@@ -402,6 +402,16 @@ class RunningMonitor(MonitorPeer):
         self._check()
 
 
+def lines_until(process, words):
+    """Return the lines that a process writes up to one with some words."""
+    lines = []
+    for line in process.stdout:
+        lines.append(line)
+        if words in line:
+            return lines
+    raise AssertionError(f'the process ended without a word of {words}: {lines}')
+
+
 @contextmanager
 def streaming(domain, topic, rate, points=APART):
     """Publish a polygon repeatedly from a thread, at a rate in Hz."""

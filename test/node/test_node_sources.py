@@ -126,6 +126,23 @@ def test_silence_is_unknown(start, silent, words):
     monitor.repeat_until('clear', lambda: monitor.send_both(APART))
 
 
+def test_map_is_known_when_it_ends_and_replaced_as_a_whole(start):
+    """Whatever the times in either; a contact counts before that."""
+    monitor = start(obstacle__timeout=0.0, footprint__timeout=0.0)
+    monitor.send('footprint', ROBOT)
+    for x in range(5):
+        monitor.send('obstacles', box(5 + x, 5))
+    monitor.until_reason('has not ended a map yet')
+    monitor.send('obstacles', [])
+    monitor.await_state('clear')
+    monitor.send('obstacles', TOUCHING, 5 * SECOND)
+    monitor.await_state('collision')
+    monitor.send('obstacles', [], 5 * SECOND)
+    monitor.send_set('obstacles', APART, stamp=0)
+    monitor.await_state('clear')
+    assert len(monitor.monitor._scene.obstacles) == 1
+
+
 def polygon_2d(points):
     """Build a Polygon2D."""
     msg = pytest.importorskip('polygon_msgs.msg', reason='make .venv/messages.stamp builds it')

@@ -176,6 +176,19 @@ def test_figures_are_computed_only_for_subscribers(start, monkeypatch, owner, fu
     drive(monitor, lambda: calls, 'a figure')
 
 
+def test_time_to_collision_is_published_to_subscribers(start):
+    """It is NaN at first, and without a horizon."""
+    monitor = start(**LASTING)
+    times = monitor.listen('~/footprint/time_to_collision')
+    monitor.send_set('obstacles', box(3, 0))
+    drive(monitor, lambda: times and times[-1].data < 3.0, 'a time')
+    assert math.isnan(times[0].data)
+    assert all(math.isnan(time.data) or 0.0 < time.data <= 3.0 or time.data == math.inf
+               for time in times)
+    assert monitor.set_parameters(horizon=0.0) == [None]
+    drive(monitor, lambda: math.isnan(times[-1].data), 'no prediction')
+
+
 def test_states_and_markers_of_an_imminent_collision(start):
     """Within min_time_to_collision: a warning, a raised flag, and the way there in amber."""
     monitor = start(footprint__min_time_to_collision=2.5, **LASTING)
@@ -201,8 +214,6 @@ def test_states_and_markers_of_an_imminent_collision(start):
     monitor.until(lambda: monitor.flag() is False and 'footprint/ahead' not in drawn(monitor),
                   'a lowered flag')
     assert monitor.value('time to collision') == 'inf'
-    assert monitor.set_parameters(horizon=0.0) == [None]
-    monitor.until(lambda: monitor.value('time to collision') == '', 'no prediction')
 
 
 def test_way_ahead_does_not_stay_when_nothing_is_received(start):

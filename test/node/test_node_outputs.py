@@ -287,6 +287,8 @@ def test_parameters_change_a_running_node(start):
     assert monitor.set_parameters(margin=0.125) == [None]
     monitor.await_state('clear')
     monitor.until_flags(False)
+    # A tick comes before the next change.
+    monitor.further('~/collision', 2)
     assert monitor.set_parameters(enabled=False) == [None]
     monitor.await_state('unknown')
     monitor.until_flags(True)

@@ -167,7 +167,8 @@ def test_missed_deadline_is_counted(start):
     monitor.publisher('/obstacles', qos=QoSProfile(
         depth=5, deadline=Duration(nanoseconds=50_000_000)))
     monitor.send_set('/obstacles', APART)
-    monitor.until(lambda: '/obstacles: deadlines missed' in health(monitor), 'a count')
+    monitor.until(lambda: int(health(monitor).get('/obstacles: deadlines missed', 0)) > 3,
+                  'a count')
 
 
 def test_another_monitor_of_the_same_name_is_an_error(start):

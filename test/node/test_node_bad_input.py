@@ -19,6 +19,8 @@ from harness import APART, box, health, LASTING, ROBOT, SECOND
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+import rclpy.publisher
 from sat_collision.messages.transform_listener import TRANSFORM_TOPICS
 
 BOW_TIE = [(5, 5), (6, 6), (6, 5), (5, 6)]
@@ -163,3 +165,26 @@ def test_sros2_policy_allows_exactly_what_the_node_uses(start, monkeypatch, fixe
     running.until(lambda: 'footprint_monitor' in running.node.get_node_names())
     running.until(lambda: all(map(set.issuperset, shown(), expected)), f'{expected} in the graph')
     assert shown() == expected
+
+
+@pytest.mark.parametrize('topic', ['collision', 'footprint/collision', 'state', 'markers'])
+def test_message_that_is_not_published_is_counted(start, monkeypatch, topic):
+    """The middleware refuses one: whatever it is, the next flags come."""
+    monitor = start(**LASTING)
+    flags = monitor.listen('~/collision')
+    for one in ('~/state', '~/markers'):
+        monitor.listen(one)
+    monitor.until(lambda: len(flags) > 2, 'flags')
+    publish = rclpy.publisher.Publisher.publish
+    refused = []
+
+    def refuse_once(publisher, message):
+        if publisher.topic_name == f'/footprint_monitor/{topic}' and not refused:
+            refused.append(message)
+            raise _rclpy.RCLError('cannot publish data')
+        publish(publisher, message)
+    monkeypatch.setattr(rclpy.publisher.Publisher, 'publish', refuse_once)
+    monitor.until(lambda: health(monitor).get(f'/footprint_monitor/{topic}: not published') == '1')
+    monitor.logged(f'/footprint_monitor/{topic}: cannot publish data')
+    count = len(flags)
+    monitor.until(lambda: len(flags) > count + 2, 'flags')

@@ -285,6 +285,13 @@ def test_publishers_with_other_qos_take_over(planned, join):
         planner.node.destroy_publisher(plans)
 
 
+def test_planner_that_offers_less_is_heard_beside_another(planned, join):
+    robot = planned()
+    for name, qos, length, metres in (('first', LATCHED, 9.0, 1.5), ('second', 10, 1.0, math.inf)):
+        join(name).publisher('/plan', Path, qos).publish(straight(length))
+        robot.until_figure(metres)
+
+
 def test_new_planner_is_heard_without_a_gap(start_with_tf, join):
     """The node subscribes anew, as the QoS may be another one."""
     running = start_with_tf(**PLANNED)

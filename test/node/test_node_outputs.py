@@ -287,8 +287,6 @@ def test_parameters_change_a_running_node(start):
     assert monitor.set_parameters(margin=0.125) == [None]
     monitor.await_state('clear')
     monitor.until_flags(False)
-    # A tick comes before the next change.
-    monitor.further('~/collision', 2)
     assert monitor.set_parameters(enabled=False) == [None]
     monitor.await_state('unknown')
     monitor.until_flags(True)
@@ -307,6 +305,19 @@ def test_parameters_change_a_running_node(start):
     # Of six states at 5 Hz, the last would be a second after the first.
     monitor.until(lambda: to_ns(states[-1].header.stamp) - to_ns(states[-6].header.stamp)
                   < SECOND // 2, 'more states')
+
+
+def test_contact_that_a_parameter_ended_and_a_message_brings_back(start):
+    monitor = start(**LASTING)
+    monitor.become('clear', box(1.25, 0))
+    assert monitor.set_parameters(margin=0.25) == [None]
+    monitor.await_state('collision')
+    monitor.until_flags(True)
+    # Within a tick.
+    monitor.set_parameters(margin=0.125)
+    monitor.send_set('obstacles', TOUCHING)
+    monitor.await_state('collision')
+    assert monitor.further('~/collision')[-1].data
 
 
 AHEAD = box(5, 0)

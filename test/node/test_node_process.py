@@ -427,3 +427,43 @@ def test_launch_without_its_parameter_file_is_an_error(launch_file):
     process = launch_file('params_file:=/nowhere.yaml')
     output, _ = process.communicate(timeout=TIMEOUT)
     assert process.returncode and 'there is no file /nowhere.yaml' in output
+
+
+def test_flags_go_on_where_nobody_reads_the_log(run, peer):
+    read_end, write_end = os.pipe()
+    os.set_blocking(write_end, False)
+    with pytest.raises(BlockingIOError):
+        while True:
+            os.write(write_end, bytes(4096))
+    os.set_blocking(write_end, True)
+    monitor = run('-m', 'sat_collision.node', stderr=write_end)
+    peer.until(lambda: len(peer.listen('~/collision')) > 3, 'flags')
+    monitor.terminate()
+    assert monitor.wait(60) == 0
+    os.close(read_end)
+    os.close(write_end)
+
+
+ENDS_BY_AN_ERROR = """\
+import os
+import sys
+from sat_collision.node import footprint_monitor
+
+tick = footprint_monitor.FootprintMonitor.tick
+
+def fail(self, now):
+    tick(self, now)
+    if os.path.exists(sys.argv[1]):
+        raise KeyError('an error')
+
+footprint_monitor.FootprintMonitor.tick = fail
+footprint_monitor.run(['-p', 'unknown_is_collision:=false'])
+"""
+
+
+def test_last_flag_of_a_node_that_ends_by_an_error_is_raised(run, peer, tmp_path):
+    monitor = run('-c', ENDS_BY_AN_ERROR, str(tmp_path / 'error'))
+    flags = peer.listen('~/collision')
+    peer.until(lambda: len(flags) > 3 and not flags[-1].data, 'flags')
+    (tmp_path / 'error').touch()
+    peer.until(lambda: monitor.poll() == 1 and flags[-1].data, 'the end')

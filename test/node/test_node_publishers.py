@@ -177,8 +177,15 @@ def test_another_monitor_of_the_same_name_is_an_error(start):
     monitor.until(lambda: monitor.health() and monitor.health().level < b'\x02')
     other = start()
     monitor.until(lambda: monitor.health().level == b'\x02')
-    assert '1 more publish /footprint_monitor/collision' in monitor.health().message
+    assert 'others publish /footprint_monitor/collision' in monitor.health().message
     del other
+
+
+def test_flags_of_one_topic_are_an_error(start):
+    monitor = start(['-r', '~/a/collision:=/stop', '-r', '~/b/collision:=/stop'],
+                    footprints=['a', 'b'])
+    monitor.until(lambda: monitor.health() and monitor.health().level == b'\x02')
+    assert 'others publish /stop, too' in monitor.health().message
 
 
 def test_unknown_state_after_the_start_is_logged_once(start, monkeypatch):

@@ -23,6 +23,7 @@ import pytest
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import LivelinessPolicy, QoSProfile
+from sat_collision.node.watchdog import Systemd
 from std_msgs.msg import Bool
 
 
@@ -214,6 +215,19 @@ def test_watchdog_can_be_changed_live(start_clear, stall, period):
     assert not any(flag.data for flag in flags)
 
 
+def test_no_flag_falls_by_what_was_known_before_a_stall(start):
+    """Parameters that take long to apply: by now the footprint is too old."""
+    monitor = start(watchdog=0.3, footprint__timeout=0.5, obstacle__timeout=0.5)
+    flags = monitor.listen('~/collision')
+    monitor.repeat(lambda: monitor.send_both(APART), lambda: flags and not flags[-1].data)
+    prepare = monitor.monitor._prepare
+    monitor.monitor._prepare = lambda settings: time.sleep(1.0) or prepare(settings)
+    assert monitor.set_parameters(resolution=0.002) == [None]
+    monitor.until(lambda: health(monitor).get('stalls'))
+    values = [flag.data for flag in flags]
+    assert False not in values[values.index(True, values.index(False)):]
+
+
 NODE = '-m', 'sat_collision.node'
 
 
@@ -256,3 +270,18 @@ def test_systemd_is_notified(run, tmp_path):
 def test_missing_systemd_socket_is_ignored(run, peer, tmp_path):
     run(*NODE, env={'NOTIFY_SOCKET': str(tmp_path / 'nobody')})
     peer.until(lambda: len(peer.listen('~/collision')) > 3, 'flags')
+
+
+def test_systemd_may_not_listen_for_a_while(monkeypatch, tmp_path):
+    """Not yet, and then so long that its queue is full."""
+    address = str(tmp_path / 'notify')
+    monkeypatch.setenv('NOTIFY_SOCKET', address)
+    monkeypatch.setenv('WATCHDOG_USEC', '1')
+    systemd = Systemd()
+    systemd.turned()
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as connection:
+        connection.bind(address)
+        connection.settimeout(60.0)
+        for _ in range(2000):
+            systemd.turned()
+        assert [connection.recv(100) for _ in range(2)] == [b'READY=1', b'WATCHDOG=1']

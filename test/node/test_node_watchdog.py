@@ -16,6 +16,7 @@ import threading
 import time
 
 from builders import odometry, serialised
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PolygonStamped, Twist
 from harness import APART, box, health, LASTING, ROBOT, values
 from nav_msgs.msg import Odometry
@@ -226,6 +227,33 @@ def test_no_flag_falls_by_what_was_known_before_a_stall(start):
     monitor.until(lambda: health(monitor).get('stalls'))
     values = [flag.data for flag in flags]
     assert False not in values[values.index(True, values.index(False)):]
+
+
+def test_no_state_from_before_a_stall_follows_it(start):
+    """The loop stalls when the state of the first footprint is written, but not the second's."""
+    times = {f'{name}__timeout': 0.5 for name in ('a', 'b', 'obstacle')}
+    monitor = start(watchdog=0.3, footprints=['a', 'b'], **times)
+    states = monitor.listen('~/state')
+
+    def send():
+        for name in ('a', 'b'):
+            monitor.send(name, ROBOT)
+        monitor.send_set('obstacles', APART)
+    monitor.repeat(send, lambda: states and {
+        one.level for one in states[-1].status} == {DiagnosticStatus.OK})
+    scene = monitor.monitor._scene
+    nearest = scene.nearest
+
+    def hang(name):
+        if name == 'b':
+            del scene.nearest
+            time.sleep(1.0)
+        return nearest(name)
+    scene.nearest = hang
+    monitor.until(lambda: health(monitor).get('stalls'))
+    stalled = next(k for k, one in enumerate(states) if 'stalled' in one.status[0].message)
+    assert {one.level for state in states[stalled:] for one in state.status} == {
+        DiagnosticStatus.STALE}
 
 
 NODE = '-m', 'sat_collision.node'

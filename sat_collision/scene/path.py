@@ -128,15 +128,17 @@ class FollowedPath:
         places, ways, close = self._divided[:, 0], self._divided[:, 1], self._divided[:, 2:]
         gaps = _gaps(pose - close, reach)
         own = int(np.searchsorted(places, self.progress, 'right')) - 1
+        # How far along the path each place is from the last one; behind that, by two reaches more.
         ahead = ways - ways[own]
         ahead[:own] = 2.0 * reach - ahead[:own]
         near = gaps.min() + reach + np.diff(ways).max(initial=0.0)
         k = int(np.argmin(np.where(gaps <= near, ahead, math.inf)))
+        # From there on, or back, to the nearest one before the path leads away.
         on = 1 if k >= own else -1
         away = _gaps(pose - close[k::on], 0.0 if self.is_by_travel else _OF_ANGLES * reach)
         leads_away = away > np.minimum.accumulate(away) + _BUMP * reach
         k += on * int(np.argmin(gaps[k::on][:int(np.argmax(np.append(leads_away, True)))]))
-        # Between that place and those beside it angles count as ways across.
+        # Between that and the places beside it, where angles count as ways across.
         k = max(k - 1, 0)
         size = 1.0, 1.0, reach
         steps = _steps(close[k:-1][:2], close[k + 1:][:2]) * size

@@ -19,8 +19,9 @@ from sat_collision.geometry.pair import separating_axis
 from sat_collision.geometry.pair.separating_axis import MEET, SEPARATE, UNCERTAIN
 import shapes
 
-boxes_apart, find_separating_axis, support = callable_here(
-    separating_axis.boxes_apart, separating_axis.find_separating_axis, separating_axis.support)
+boxes_apart, find_separating_axis, hill_climb, support = callable_here(
+    separating_axis.boxes_apart, separating_axis.find_separating_axis,
+    separating_axis.hill_climb, separating_axis.support)
 CONVEX = {**families.CONVEX, **families.EXTREME}
 # Each double is a multiple of one over this.
 WHOLE = 2 ** 1074
@@ -106,6 +107,18 @@ def test_climb_does_not_stop_at_the_minimum():
     """Underflowing edges hide on which side of the boundary it began."""
     pairs = families.tiny_edges(np.random.default_rng(4), 2000, 24)
     assert [intersects(*pair) for pair in pairs] == oracle.intersects_pairs(pairs)[0].tolist()
+
+
+@pytest.mark.parametrize('points, axis', [
+    ([(-1.0, 1.0), (0.0, 0.0), (1.0, -1.0 + 2.0**-53), (3.0, 3.0)], (1.0, 1.0)),
+    ([(-1.0, 0.0), (0.0, -2.0**-1060), (1.0, 0.0), (0.0, 3.0)], (0.0, 1.0))],
+    ids=['rounding', 'underflow'])
+def test_climb_from_a_flat_minimum_is_not_certain(points, axis):
+    """Whether the edges there rise is lost; from elsewhere it leads to the summit."""
+    polygon = Polygon(points)
+    places = len(polygon.packed[0]) + np.arange(-2 * len(points), 0, 2)
+    ends = [hill_climb(packed(polygon), place, *axis) for place in places.tolist()]
+    assert {*ends} == {-1, places[np.argmax(polygon.vertices @ axis)]}
 
 
 @pytest.mark.parametrize('count', [8192, 8224, 20000])

@@ -93,6 +93,17 @@ def test_each_part_of_a_map_counts_from_the_clock_on_at_which_it_was_received():
             for _ in batch] == [1.0, 1.1, 1.1]
 
 
+def test_first_static_transform_of_a_frame_counts_at_any_time():
+    """Its publisher keeps it; one that corrects it counts from then on, and so do later ones."""
+    messages = [message('/footprint', 1.0, 1.0), *(
+        ('/tf_static', START + received * SECOND, transforms(('map', 'base', 0, x, 0.0)))
+        for received, x in ((2, 0.0), (3, 5.0), (4, 0.0)))]
+    always = -START / SECOND
+    assert numbers(messages) == [
+        ('/tf_static', always, [1]), ('/footprint', 1.0, [0]), ('/tf_static', 2.0, [1]),
+        ('/tf_static', 3.0, [2]), ('/tf_static', 4.0, [1])]
+
+
 def expected(messages, by_header):
     """Return (topic, time, data) of single messages in the expected order."""
     found, waiting, latest = [], [], 0

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 from types import FrameType
 
@@ -56,7 +57,8 @@ class Signalled:
     def __call__(self) -> bool:
         """Return whether the node should stop; from then on signals are ignored."""
         if self._has_arrived:
-            # Not in the handler: Python would print an error for another signal that came with it.
+            # Python prints an error for another one that comes meanwhile.
+            sys.unraisablehook = lambda error: None
             for number in _SIGNALS:
                 signal.signal(number, signal.SIG_IGN)
         return self._has_arrived

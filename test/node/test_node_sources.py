@@ -71,8 +71,9 @@ def test_queue_has_room_for_longer_sets_once_max_count_is_raised(start, override
     assert monitor.set_parameters(obstacle__max_count=400) == [None]
 
     def queue():
-        return next(one.qos_profile.depth for one in monitor.monitor.subscriptions
-                    if one.topic_name == '/obstacles')
+        # There is none while it is made anew.
+        return next((one.qos_profile.depth for one in monitor.monitor.subscriptions
+                     if one.topic_name == '/obstacles'), None)
     monitor.send('footprint', ROBOT)
     monitor.until(lambda: queue() == depth, 'a deeper queue')
     monitor.send_set_until('clear', 'obstacles', *[APART] * (depth // 2 - 1))

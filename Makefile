@@ -11,13 +11,13 @@ demo: $(VENV)/demo.stamp
 # Each of the many processes that tests start would compile the whole package again.
 unexport PYTHONDONTWRITEBYTECODE
 
-# More at a time than there are cores, because tests of nodes mostly wait.
-test: TESTS = not long and not linter
-test-all: TESTS = not linter
+# More at a time than there are cores, because tests of nodes mostly wait; long ones compute.
+test: TESTS = -n 4 -m 'not long and not linter'
+test-all: TESTS = -n 3 -m 'not linter'
 test-all: $(VENV)/messages.stamp
 test test-all: $(VENV)/test.stamp
 	$(MAKE) --jobs=2 --output-sync style kernels
-	$(BIN)/python -m pytest --dist worksteal -n 3 -m '$(TESTS)'
+	$(BIN)/python -m pytest --dist worksteal $(TESTS)
 
 # All tests are read here, and their byte code is kept for those that run several at a time.
 style:

@@ -148,7 +148,7 @@ def test_progress_goes_back_with_the_robot_but_not_a_little():
         assert world.move(time, x).check().metres == pytest.approx(metres, abs=1e-6)
 
 
-@pytest.mark.parametrize('yaw, off', [(0.0, 0.001), (0.0, 0.002), (0.02, 0.0)])
+@pytest.mark.parametrize('yaw, off', [(0.0, 0.001), (0.0, 0.002), (0.02, 0.0), (0.1, 0.0)])
 def test_metres_count_from_the_robot_however_uneven_the_path_is(yaw, off):
     """By travel poses that are off by 1 mm turn it; what is just behind it is no matter."""
     rng = np.random.default_rng(1)
@@ -432,6 +432,20 @@ def test_progress_is_where_the_path_is_nearest(places, robot, progress):
     assert path.progress == pytest.approx(progress)
 
 
+def test_message_of_no_bytes_is_refused():
+    world = at_start()
+    world.monitor.receive('robot.path', b'', world.now, None)
+    assert math.isnan(world.check().metres) and 'was refused: undecodable' in world.text
+    assert world.reasons == ['undecodable']
+
+
+def test_first_of_two_passes_counts_also_between_the_places_compared():
+    """The way back has one of these just where a robot with a point as outline is."""
+    path = followed([(0, 0, 0), (10, 0, 0), (-0.025, 0, 0)])
+    path.advance((5.025, 0.0, 0.0), 1e-3)
+    assert path.progress == pytest.approx(0.5025)
+
+
 @pytest.mark.parametrize(('low', 'high', 'reach'), [(-2, 2, 0.0), (15, 99, 0.5), (90, 100, 1e100)])
 def test_every_path_has_a_place_nearest_to_the_robot(low, high, reach):
     """However rounding falls, of a path towards the robot: far away, or of a point as outline."""
@@ -481,6 +495,14 @@ def test_progress_within_a_segment_is_the_nearest_of_many_places():
         path.advance((robot.real, robot.imag, heading), reach)
         # Of places that are as near to within the reach the first one counts.
         assert gaps(path.progress) <= gaps(np.linspace(0.0, 1.0, 2001)).min() + reach + 1e-4
+
+
+@pytest.mark.parametrize('off', [0.0, 1e-9, -1e-9])
+def test_goal_beside_the_last_pose_by_rounding_turns_no_robot(off):
+    """By travel; it would hit the side of its corridor, 0.35 m away."""
+    world = at_start([(0.0, 0.35), (9.0, 0.35)])
+    world.plan([*((x, 0.0, *IDENTITY) for x in range(6)), (5.0, off, *IDENTITY)])
+    assert world.check().metres == math.inf
 
 
 POST = [(0.69, 0.52), (0.79, 0.52), (0.79, 0.62), (0.69, 0.62)]

@@ -87,14 +87,15 @@ class Plans:
             self._current.pop(name).until = now
 
     def _check(self, name: str, path: ReceivedPath, plan: PlanContact, now: int) -> None:
-        found = self._monitor.paths.check_one(self._planners[name][0], path, now, is_plan=True)
+        footprint, _, _ = self._planners[name]
+        found = self._monitor.paths.check_one(footprint, path, now, is_plan=True)
         if found.may_come:
             self._waiting.append((name, path, plan, found))
         else:
             self._record(name, plan, found)
 
     def _record(self, name: str, plan: PlanContact, found: PathCheck) -> None:
-        result = self._planners[name][-1]
+        _, _, result = self._planners[name]
         if found.reason:
             result.plans_unknown[found.reason] = result.plans_unknown.get(found.reason, 0) + 1
             return

@@ -138,17 +138,8 @@ class FollowedPath:
         away = _gaps(pose - close[k::on], 0.0 if self.is_by_travel else _OF_ANGLES * reach)
         leads_away = away > np.minimum.accumulate(away) + _BUMP * reach
         k += on * int(np.argmin(gaps[k::on][:int(np.argmax(np.append(leads_away, True)))]))
-        # Between that and the places beside it, where angles count as ways across.
-        k = max(k - 1, 0)
-        size = 1.0, 1.0, reach
-        steps = _steps(close[k:-1][:2], close[k + 1:][:2]) * size
-        off = _steps(close[k:-1][:2], np.array([pose])) * size
-        squares = (steps ** 2).sum(axis=1)
-        shares = ((off * steps).sum(axis=1) / np.where(squares, squares, 1.0)).clip(0.0, 1.0)
-        if len(shares):
-            j = int(np.argmin(((off - shares[:, None] * steps) ** 2).sum(axis=1)))
-            place = float(places[k + j] + shares[j] * (places[k + j + 1] - places[k + j]))
-            self.progress = max(self.progress, place) if on > 0 else place
+        place = _between(places, close, k, pose, reach)
+        self.progress = max(self.progress, place) if on > 0 else place
 
     def at(self, place: float) -> NDArray[np.float64]:
         """Return the pose at a place, on the arc between two poses."""
@@ -189,6 +180,21 @@ def _steps(starts: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np
     steps = ends - starts
     steps[:, 2] = _wrapped(steps[:, 2])
     return steps
+
+
+def _between(places: NDArray[np.float64], close: NDArray[np.float64], k: int, pose: Pose,
+             reach: float) -> float:
+    """Return the nearest place beside place k; here angles count as ways across."""
+    k = max(k - 1, 0)
+    size = 1.0, 1.0, reach
+    steps = _steps(close[k:-1][:2], close[k + 1:][:2]) * size
+    off = _steps(close[k:-1][:2], np.array([pose])) * size
+    squares = (steps ** 2).sum(axis=1)
+    shares = ((off * steps).sum(axis=1) / np.where(squares, squares, 1.0)).clip(0.0, 1.0)
+    if not len(shares):
+        return 0.0
+    j = int(np.argmin(((off - shares[:, None] * steps) ** 2).sum(axis=1)))
+    return float(places[k + j] + shares[j] * (places[k + j + 1] - places[k + j]))
 
 
 def _moved(steps: NDArray[np.float64], shares: NDArray[np.float64] | float

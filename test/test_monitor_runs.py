@@ -316,13 +316,13 @@ def test_coordinates_are_float64():
     (BOW_TIE, 'self-intersecting'), ([], 'empty'), ([(0, float('nan'))], 'not finite'),
     (CIRCLE, 'too many vertices')])
 def test_refused_polygon_makes_the_source_unknown_until_the_next_good_message(wrong, reason):
-    """Its index and reason are told, and the others count."""
+    """The index and reason of the first one are told; those that are good count."""
     world = Collections()
     world.see(box(9))
-    rejection = world.see(box(5), box(6), wrong, box(7))
+    rejection = world.see(box(5), box(6), wrong, box(7), wrong)
     assert rejection.reason == reason and rejection.detail.startswith('polygon 2: ')
     assert f'polygon 2: {reason}' in world.faults and world.status() == 'unknown'
-    assert world.monitor.rejected['lidar', reason] == 1
+    assert world.monitor.rejected['lidar', reason] == 2
     world.see(wrong, box(0.5))
     assert world.status() == 'collision'
     world.see(box(5))

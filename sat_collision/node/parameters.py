@@ -97,12 +97,9 @@ class Parameters:
         if not self._on_change or not self._specs.keys() & changes:
             return ''
         try:
-            settings = self._read(changes)
+            self._read(changes)
         except ParameterError as error:
             return str(error)
-        for one, other in zip(self.settings.footprints, settings.footprints):
-            if one.has_outline != other.has_outline:
-                return f'{one.name}.points: whether there is an outline is fixed at the start'
         return ''
 
     def _apply(self, parameters: list[Parameter]) -> None:

@@ -102,7 +102,8 @@ def test_clock_that_steps_drops_everything(start, step):
 
 def test_clock_that_comes_once_in_future_tolerance_is_not_set(start):
     """By one ns more it is; the log says what to do if it only comes seldom."""
-    monitor = start(use_sim_time=True, future_tolerance=0.5, **LASTING)
+    monitor = start(use_sim_time=True, **LASTING)
+    assert monitor.set_parameters(future_tolerance=0.5) == [None]
     begin(monitor, APART, 'clear')
     half = SECOND // 2
     for later, wanted in ((HOUR + half, ('clear', '0.500')), (HOUR, ('clear', '0.000')),

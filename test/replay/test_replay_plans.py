@@ -218,6 +218,16 @@ def test_transform_that_comes_too_late(run):
     assert (plans, count) == (0, 1) and 'has no place' in reason
 
 
+def test_transform_that_comes_later_than_live(tmp_path):
+    """Recorded motion waits as long as it interpolates; as live it is `transform_timeout`."""
+    messages = [one for one in drive(plan(1.01, TOUCHING, frame_id='map'))
+                if one[0] != '/tf' or not 1.05 < one[1] < 1.25]
+    bag = write(tmp_path / 'bag', messages, types=TYPES)
+    for as_live, checked in ((True, 0), (False, 1)):
+        assert counts(check(bag, replace(OPTIONS, as_live=as_live, parameters={
+            **PARAMETERS, 'transform_timeout': 0.05})))[0] == checked
+
+
 def test_empty_plan_is_none_and_ends_the_one_before(run):
     result = run(drive(plan(1.05, TOUCHING), plan(1.25, []), plan(1.55, FREE)))
     one, = result.plan_contacts

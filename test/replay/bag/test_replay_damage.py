@@ -74,6 +74,17 @@ def test_zeroed_chunk_is_reported(tmp_path, first, last, indexed):
     assert check(file, Options(start=1.0, duration=8.0)).verdict is Verdict.BAD_INPUT
 
 
+def test_chunk_that_announces_no_time_is_read(tmp_path):
+    """Whatever part of the recording is checked."""
+    file = write_mcap(tmp_path / 'a.mcap', CLEAR)
+    part = Options(start=1.0, duration=8.0)
+    data, whole = bytearray(file.read_bytes()), check(file, part).messages
+    where = offset(data, CHUNK, 5) + 9
+    data[where:where + 16] = bytes(16)
+    file.write_bytes(data)
+    assert check(file, part).messages == whole
+
+
 @pytest.mark.parametrize('start', (10**6, 2**63 - 1, 2**63, 2**64 - 1))
 def test_summary_offset_beyond_the_file(tmp_path, start):
     file = write_mcap(tmp_path / 'a.mcap', CLEAR)

@@ -225,7 +225,7 @@ class Monitor:
 
     def _pass_time(self, now: int) -> None:
         """
-        Let time pass; if the clock was set back, drop what is known by the times of before.
+        Let time pass; if the clock was set back, begin anew.
 
         When it starts, drop transforms of another clock: they would shut out those that follow.
         """
@@ -233,11 +233,11 @@ class Monitor:
             return
         if now < self._now:
             if self.scene.is_set_back(now):
-                self._forget_times(now)
-            else:
-                self.transforms.frames.limit_times(self._now, now)
-                self.outlines.limit_times(now)
-                self.waiting.limit_times(now)
+                self.set_clock(now)
+                return
+            self.transforms.frames.limit_times(self._now, now)
+            self.outlines.limit_times(now)
+            self.waiting.limit_times(now)
         elif not self._now:
             ahead = self.scene.settings.future_tolerance * 1e9
             self.transforms.frames.clear(after=now + ahead)
@@ -252,18 +252,15 @@ class Monitor:
         """
         if not self._now:
             return False
-        self._forget_times(now)
-        self._now = now
-        self.scene.set_clock(now)
-        self.scene.pass_time(now)
-        return True
-
-    def _forget_times(self, now: int) -> None:
         self.transforms.frames.clear()
         self.outlines.clear()
         self.paths.clear()
         self.waiting.clear(now)
         self.ingest.follow_maps(self._now)
+        self._now = now
+        self.scene.set_clock(now)
+        self.scene.pass_time(now)
+        return True
 
     def _admit(self, name: str, data: bytes, number: int | None, now: int,
                arrived: int) -> Sequence[Rejection]:

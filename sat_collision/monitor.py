@@ -26,8 +26,6 @@ from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import NEVER, Settings
 from sat_collision.scene.streams import Endpoint
 
-_NOTHING: Sequence[Rejection] = ()
-
 
 class Monitor:
     """
@@ -105,8 +103,7 @@ class Monitor:
         return rejections[0] if rejections else None
 
     def receive_batch(self, name: str, messages: Sequence[bytes], now: int,
-                      number: int | None = None,
-                      arrived: int | None = None) -> Sequence[Rejection]:
+                      number: int | None = None, arrived: int | None = None) -> list[Rejection]:
         """
         Receive consecutive messages of one publisher as `receive` does.
 
@@ -119,7 +116,7 @@ class Monitor:
             return self.commands.receive(name, messages, now, arrived)
         if name in self.paths.names:
             self.paths.receive(name, messages[-1])
-            return _NOTHING
+            return []
         rejections: list[Rejection] = []
         batch = Batch(messages, number) if name in self.ingest.headers else None
         applied = 0
@@ -148,7 +145,7 @@ class Monitor:
         return applied
 
     def receive_mixed(self, name: str, messages: Sequence[bytes], now: int,
-                      arrived: int | None = None) -> Sequence[Rejection]:
+                      arrived: int | None = None) -> list[Rejection]:
         """
         Receive messages while one more publisher was matched with the topic.
 
@@ -263,11 +260,11 @@ class Monitor:
         return True
 
     def _admit(self, name: str, data: bytes, number: int | None, now: int,
-               arrived: int) -> Sequence[Rejection]:
+               arrived: int) -> list[Rejection]:
         """Apply a message or queue it: for a transform, or behind messages that wait for one."""
         settings = self.scene.settings_of(name)
         if not settings.enabled:
-            return _NOTHING
+            return []
         if name in self.outlines.names:
             self.scene.receive_number(name, number, now)
             return self.outlines.receive(name, data, now, arrived) + self._apply_moved(now)
@@ -275,6 +272,6 @@ class Monitor:
         if name not in self.waiting:
             outcome = self.ingest.apply(settings, data, number, now, arrived)
             if not isinstance(outcome, Wait):
-                return [outcome] if outcome else _NOTHING
+                return [outcome] if outcome else []
             wait = outcome
         return self.waiting.hold(name, Held(data, number, arrived), now, wait)

@@ -159,9 +159,11 @@ class Listings(Knowledge):
     def __init__(self, store: ObstacleStore, settings: ObstacleSettings, tolerance: int) -> None:
         super().__init__(store, settings, tolerance)
         self._next = store.new_set()  # for the next listing
+        # The last whole one, until it is older than the timeout; those after it that are not
+        # whole; and the open one.
+        self._held: list[_Listing] = []
+        self._whole: _Listing | None = None
         self._open = self._new_listing(is_sound=False)
-        self._whole: _Listing | None = None  # the last one, until it is older than the timeout
-        self._newer: list[_Listing] = []  # those after the last whole one that are not whole
         self._is_unread = False  # whether the stamp of the last message was not read
         self._ends: deque[int] = deque(maxlen=_MEASURED)
         self._age = 0.0  # of the last whole one when it ended, in s
@@ -171,10 +173,6 @@ class Listings(Knowledge):
     @property
     def groups(self) -> list[ObstacleGroup]:
         return [*(one.group for one in self._held), self._next]
-
-    @property
-    def _held(self) -> list[_Listing]:
-        return [*([self._whole] if self._whole else ()), *self._newer, self._open]
 
     @property
     def count(self) -> int:
@@ -256,14 +254,11 @@ class Listings(Knowledge):
                     abs(now - begun) > _LONGEST_OPEN):
                 self.is_known, self._missed = False, 'it began to send another one'
             return
-        self.is_known = False
-        if whole:
-            self._newer.insert(0, whole)
-            self._whole = None
-        for one in self._held:
+        self.is_known, self._whole = False, None
+        for one in [*self._held]:
             one.group.forget_before(now - self.timeout)
             if one is not self._open and one.group.oldest == NEVER:
-                self._newer.remove(one)
+                self._held.remove(one)
                 one.group.clear()
 
     @property
@@ -344,22 +339,20 @@ class Listings(Knowledge):
         """End the open listing, which replaces all older ones if it is whole."""
         one = self._open
         if one.is_sound:
-            for held in self._held:
-                if held is not one:
-                    held.group.clear()
-            self._newer.clear()
+            for held in self._held[:-1]:
+                held.group.clear()
+            self._held = [one]
             self._whole, self.is_known, self._missed = one, True, ''
             self.last_whole = one.number
             self.wants_history = False
             self._age, self._oldest = (now - one.time) / 1e9, one.oldest
         else:
             self.broken.append(one.number)
-            if len(one.group):
-                self._newer.append(one)
-            else:
-                one.group.clear()
-            if len(self._newer) > _MAX_NEWER:
-                self._newer.pop(0).group.clear()
+            if not len(one.group):
+                self._held.pop().group.clear()
+            oldest = 1 if self._whole else 0
+            if len(self._held) > oldest + _MAX_NEWER:
+                self._held.pop(oldest).group.clear()
                 self.miss(self._missed or f'{_MAX_NEWER} sets in a row were not whole', now)
         self._ends.append(now)
         self._open = self._new_listing(is_sound=True, stamp=one.stamp)
@@ -369,7 +362,8 @@ class Listings(Knowledge):
     def _new_listing(self, is_sound: bool, stamp: float = -NEVER) -> _Listing:
         self._store.listings += 1
         group, self._next = self._next, self._store.new_set()
-        return _Listing(group, self._store.listings, is_sound, stamp)
+        self._held.append(_Listing(group, self._store.listings, is_sound, stamp))
+        return self._held[-1]
 
 
 class Refreshed(Knowledge):

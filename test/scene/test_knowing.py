@@ -97,7 +97,7 @@ def let_sets_be_as_old_as_their_marks(end, self, message, now):
 def separate_marked_sets_by_stamps(follow, self, message, now):
     follow(self, message, now)
     if self._end == EMPTY_POLYGON and self._open.stamp not in (-NEVER, message.stamp):
-        self._open.group.clear()
+        self._held.pop().group.clear()
         self._open = self._new_listing(is_sound=True)
 
 

@@ -305,17 +305,13 @@ class Frames:
         frames form a circle.
         """
         steps = {frame: IDENTITY}
-        static, moving, max_gap = self._static, self._moving, self._max_gap
         while frame not in ends:
-            found = static.get(frame)
-            if found is None:
-                track = moving.get(frame)
-                if track is None:
-                    break
+            found = self._static.get(frame)
+            if found is None and (track := self._moving.get(frame)):
                 found = ((track.links[-1][0], IDENTITY) if stamp is None
-                         else track.at(stamp, max_gap))
-                if found is None:
-                    break
+                         else track.at(stamp, self._max_gap))
+            if found is None:
+                break
             frame, step = found
             if frame in steps:
                 return steps, ''

@@ -385,10 +385,6 @@ class Refreshed(Knowledge):
         # How many obstacles came with each of the last stamps.
         self._gathered: deque[tuple[int, int]] = deque(maxlen=3)
 
-    def configure(self, settings: ObstacleSettings, tolerance: int, now: int) -> None:
-        super().configure(settings, tolerance, now)
-        self._part = max(round(settings.timeout * 1e9) // _PARTS, 1)
-
     @property
     def groups(self) -> list[ObstacleGroup]:
         return [*([] if self.by_id is None else [self.by_id]), *self._parts.values()]
@@ -457,7 +453,8 @@ class Refreshed(Knowledge):
         return added
 
     def _end_of_part(self, stamp: int) -> int:
-        return (stamp // self._part + 1) * self._part
+        part = max(int(self.timeout) // _PARTS, 1)
+        return (stamp // part + 1) * part
 
     def end(self, message: Message, now: int) -> None:
         """Receive an empty polygon, which shows by its stamp that the publisher is alive."""

@@ -101,8 +101,7 @@ class Source:
     @property
     def rule(self) -> str:
         """The rule by which its obstacles are known, in words."""
-        knowledge = self.knowledge
-        has_ids = isinstance(knowledge, Refreshed) and knowledge.by_id is not None
+        has_ids = self.settings.type == POLYGON_INSTANCE and self.settings.ending == NONE
         return 'ids' if has_ids else _RULES[self.settings.ending]
 
     @property

@@ -87,11 +87,6 @@ class Monitor:
         self._follow_maps(self._now)
         return self.outlines.follow(self._now)
 
-    @property
-    def lost(self) -> Counter[str]:
-        """Number of messages that were sent but not received, by name."""
-        return self.scene.lost()
-
     def receive(self, name: str, data: bytes, now: int,
                 number: int | None = None) -> Rejection | None:
         """

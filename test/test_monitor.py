@@ -187,4 +187,4 @@ def test_messages_without_numbers():
         monitor.receive('lidar', serialised(points, NOW + 1), NOW + 1)
     assert [(name.key, polygon.bounds[0]) for name, polygon in monitor.scene.obstacles
             if name.source == 'lidar'] == [(0, 10)]
-    assert monitor.lost == {}
+    assert monitor.scene.lost() == {}

@@ -42,7 +42,7 @@ def known(monitor, names):
     times = sorted((one.name, one.time) for source in scene.sources.values()
                    for one in source.store if one.row is not None and one.name in names)
     return (scene.unknown_reasons('robot'), times, scene.deadline,
-            scene.source_faults, monitor.rejected, monitor.received, monitor.lost,
+            scene.source_faults, monitor.rejected, monitor.received, scene.lost(),
             'lidar' in monitor.waiting)
 
 

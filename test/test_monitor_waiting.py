@@ -235,10 +235,10 @@ def test_loss_before_a_waiting_message():
     robot.see(box(1), 0.1, 'base')
     robot.numbers['lidar'] += 1
     robot.see(box(2), 0.1, 'base')
-    assert robot.monitor.lost == {}
+    assert robot.monitor.scene.lost() == {}
     robot.time = 0.1
     robot.move(0.1)
-    assert robot.monitor.lost == {'lidar': 1}
+    assert robot.monitor.scene.lost() == {'lidar': 1}
     assert len(robot.seen) == 2
 
 

@@ -355,7 +355,7 @@ class Ingest:
         for name, affines in self._followed.items():
             limits: dict[str, tuple[str, float]] = {}
             timeout = in_ns(self._scene.footprint_timeout(name))
-            frames = self._scene.map_frames(name)
+            frames = self._scene.sources[name].store.frames
             for frame_id in affines.keys() - frames:
                 del affines[frame_id]
             for frame_id in frames:

@@ -109,7 +109,7 @@ class Health:
         period = now - self._begun
         transforms = monitor.transforms
         refused = monitor.rejected.total() + transforms.rejected.total()
-        lost = monitor.lost.total()
+        lost = monitor.scene.lost().total()
         values = dict(self.facts)
         values['check time mean [ms]'] = f'{1e3 * self._seconds / max(self._messages, 1):.3f}'
         values['longest batch [ms]'] = f'{1e3 * self._longest:.3f}'
@@ -133,7 +133,7 @@ class Health:
             values[f'transforms of {child}: rejected, {reason}'] = str(count)
         for (name, reason), count in monitor.rejected.items():
             values[f'{name}: rejected, {reason}'] = str(count)
-        for name, count in monitor.lost.items():
+        for name, count in monitor.scene.lost().items():
             values[f'{name}: lost'] = str(count)
         for (topic, what), count in self._events.items():
             values[f'{topic}: {what}'] = str(count)

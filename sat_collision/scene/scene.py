@@ -359,10 +359,6 @@ class Scene(SceneView):
         """Return whether a listing of a source ended and was not whole."""
         return listing in self.sources[name].knowledge.broken
 
-    def map_frames(self, name: str) -> set[str]:
-        """Return the other frames in which obstacles of a map were sent."""
-        return self.sources[name].store.frames
-
     def limit_frames(self, name: str, limits: Mapping[str, tuple[str, float]]) -> None:
         """Record by frame of a map why it cannot be followed, or '' and until when it can."""
         source = self.sources[name]

@@ -93,7 +93,7 @@ def test_burst_of_thousands_of_obstacles_is_received(start):
     monitor.await_state('collision')
     raised = [message.data for message in received]
     assert all(raised[raised.index(True):])
-    assert not monitor.monitor._monitor.lost
+    assert not monitor.monitor._monitor.scene.lost()
 
 
 def test_polygons_of_which_nothing_is_declared_count_for_one_timeout(start):

@@ -12,7 +12,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,8 @@ from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.footprints import Footprint
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.velocity import is_upside_down, Pose
+
+_Array: TypeAlias = NDArray[np.float64]
 
 # A shorter way from pose to pose, in m, has no direction: it may be one of rounding.
 _SHORTEST = 1e-6
@@ -41,8 +43,8 @@ class PathCheck(NamedTuple):
     reason: str = ''  # why it is unknown; then metres are NaN
     pose: float = math.nan  # counted from 0 in the path received, 3.25 between 3 and 4
     obstacle: ObstacleId | None = None
-    way: NDArray[np.float64] | None = None  # (n, 2): the path from the robot to the contact, m
-    outline: NDArray[np.float64] | None = None  # the vertices of the footprint there
+    way: _Array | None = None  # (n, 2): the path from the robot to the contact, m
+    outline: _Array | None = None  # the vertices of the footprint there
     is_by_travel: bool = False  # whether the direction of travel stands for orientations
     may_come: bool = False  # whether a later transform may yet give it a place
 
@@ -59,7 +61,7 @@ class PathCheck(NamedTuple):
 class FollowedPath:
     """A path in its own frame, of finite poses, and how far along it the robot is."""
 
-    def __init__(self, numbers: NDArray[np.float64]) -> None:
+    def __init__(self, numbers: _Array) -> None:
         """
         Take x, y, z and the quaternion of each pose, (k, 7).
 
@@ -71,7 +73,7 @@ class FollowedPath:
         self.poses = np.column_stack([numbers[:, :2], yaws])
         self.is_by_travel = not numbers[:-1, 3:6].any() and self._turn_to_travel()
         self.progress = 0.0
-        self._divided: NDArray[np.float64] | None = None
+        self._divided: _Array | None = None
 
     def _turn_to_travel(self) -> bool:
         """
@@ -104,7 +106,7 @@ class FollowedPath:
         turned = math.atan2(d, a) + (-yaw if is_upside_down(affine) else yaw)
         self.poses = np.column_stack([a * px + b * py + x, d * px + e * py + y, turned])
 
-    def _divide(self) -> NDArray[np.float64]:
+    def _divide(self) -> _Array:
         """Return places on the path, close to each other, the metres until there and the poses."""
         steps = _steps(self.poses[:-1], self.poses[1:])
         sizes = np.hypot(*steps[:, :2].T) + abs(steps[:, 2])
@@ -141,15 +143,13 @@ class FollowedPath:
         place = _between(places, close, k, pose, reach)
         self.progress = max(self.progress, place) if on > 0 else place
 
-    def at(self, place: float) -> NDArray[np.float64]:
+    def at(self, place: float) -> _Array:
         """Return the pose at a place, on the arc between two poses."""
         k, share = int(place), place % 1.0
         if share == 0.0:
-            at: NDArray[np.float64] = self.poses[k]
-            return at
+            return np.asarray(self.poses[k])
         ends = self.poses[k:k + 2]
-        there: NDArray[np.float64] = ends[0] + _moved(_steps(ends[:1], ends[1:]), share)[0]
-        return there
+        return np.asarray(ends[0] + _moved(_steps(ends[:1], ends[1:]), share)[0])
 
     def _received(self, place: float) -> float:
         """Return which pose, or place between poses, of the path received a place is."""
@@ -175,15 +175,14 @@ class FollowedPath:
             outline.vertices @ [(c, s), (-s, c)] + (x, y), self.is_by_travel)
 
 
-def _steps(starts: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.float64]:
+def _steps(starts: _Array, ends: _Array) -> _Array:
     """Return x, y and turn from poses to others, the shorter way round."""
     steps = ends - starts
     steps[:, 2] = _wrapped(steps[:, 2])
     return steps
 
 
-def _between(places: NDArray[np.float64], close: NDArray[np.float64], k: int, pose: Pose,
-             reach: float) -> float:
+def _between(places: _Array, close: _Array, k: int, pose: Pose, reach: float) -> float:
     """Return the nearest place beside place k; here angles count as ways across."""
     k = max(k - 1, 0)
     size = 1.0, 1.0, reach
@@ -197,8 +196,7 @@ def _between(places: NDArray[np.float64], close: NDArray[np.float64], k: int, po
     return float(places[k + j] + shares[j] * (places[k + j + 1] - places[k + j]))
 
 
-def _moved(steps: NDArray[np.float64], shares: NDArray[np.float64] | float
-           ) -> NDArray[np.float64]:
+def _moved(steps: _Array, shares: _Array | float) -> _Array:
     """Return x, y and turn of shares of steps, each an arc."""
     turns = 1j * steps[:, 2]
     parts = np.divide(np.expm1(turns * shares), np.expm1(turns), where=turns != 0.0,
@@ -207,12 +205,11 @@ def _moved(steps: NDArray[np.float64], shares: NDArray[np.float64] | float
     return np.column_stack([ways.real, ways.imag, steps[:, 2] * shares])
 
 
-def _gaps(off: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
+def _gaps(off: _Array, reach: float) -> _Array:
     """Return how far places off by x, y and an angle are, where that counts at `reach` (m)."""
-    gaps: NDArray[np.float64] = np.hypot(off[:, 0], off[:, 1]) + reach * abs(_wrapped(off[:, 2]))
-    return gaps
+    return np.asarray(np.hypot(off[:, 0], off[:, 1]) + reach * abs(_wrapped(off[:, 2])))
 
 
-def _wrapped(angles: NDArray[np.float64]) -> NDArray[np.float64]:
+def _wrapped(angles: _Array) -> _Array:
     """Return angles between -pi and pi."""
     return np.asarray(angles - math.tau * np.rint(angles / math.tau))

@@ -190,8 +190,6 @@ def fitted(before: Vertices, after: Vertices, seconds: float, origin: str) -> Ve
 
     Its frame is at the mean of the vertices, and parallel to the fixed frame now.
     """
-    if before.shape != after.shape:
-        return None
     start, end = before.mean(0), after.mean(0)
     *_, turn = pose_between(before, after)
     change = np.linalg.norm(after - end - (before - start) @ _rotation(turn).T)

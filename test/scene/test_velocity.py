@@ -62,7 +62,10 @@ def test_noise_of_a_centimetre_at_10_hz():
 
 def test_no_velocity_if_the_shape_changes():
     """Another number of vertices, one vertex that moved alone, or an impossible speed."""
-    assert fitted(ROBOT, ROBOT[:-1], 0.1, FOOTPRINTS) is None
+    tracker = MotionTracker()
+    for stamp, place in ((0, ROBOT), (10**8, ROBOT[:-1])):
+        tracker.place(stamp, place)
+    assert tracker.velocity(10**8, FOOTPRINTS) is None and tracker.translation(10**8) is None
     assert fitted(ROBOT, ROBOT + [(0, 0), (0, 0), (0.5, 0), (0, 0), (0, 0)], 0.1, '') is None
     assert fitted(ROBOT, ROBOT + 1000, 0.1, FOOTPRINTS) is None
     assert fitted(ROBOT[:1], ROBOT[:1] + (0.1, 0), 0.1, FOOTPRINTS).twist == (

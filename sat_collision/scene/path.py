@@ -11,6 +11,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 import math
 from typing import NamedTuple, TypeAlias
 
@@ -73,7 +74,6 @@ class FollowedPath:
         self.poses = np.column_stack([numbers[:, :2], yaws])
         self.is_by_travel = not numbers[:-1, 3:6].any() and self._turn_to_travel()
         self.progress = 0.0
-        self._divided: _Array | None = None
 
     def _turn_to_travel(self) -> bool:
         """
@@ -106,7 +106,8 @@ class FollowedPath:
         turned = math.atan2(d, a) + (-yaw if is_upside_down(affine) else yaw)
         self.poses = np.column_stack([a * px + b * py + x, d * px + e * py + y, turned])
 
-    def _divide(self) -> _Array:
+    @cached_property
+    def _divided(self) -> _Array:
         """Return places on the path, close to each other, the metres until there and the poses."""
         steps = _steps(self.poses[:-1], self.poses[1:])
         sizes = np.hypot(*steps[:, :2].T) + abs(steps[:, 2])
@@ -125,8 +126,6 @@ class FollowedPath:
         near, to within the reach, the first one ahead counts, but one behind that is nearer along
         the path by more than twice the reach.
         """
-        if self._divided is None:
-            self._divided = self._divide()
         places, ways, close = self._divided[:, 0], self._divided[:, 1], self._divided[:, 2:]
         gaps = _gaps(pose - close, reach)
         own = int(np.searchsorted(places, self.progress, 'right')) - 1

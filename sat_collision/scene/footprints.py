@@ -85,8 +85,7 @@ class Footprint(Body[Obstacle]):
     def configure(self, settings: FootprintSettings) -> None:
         """Apply settings; with other sources its contacts must be decided again."""
         self.settings = settings
-        self.timeout = in_ns(settings.timeout)
-        self.stream.timeout = self.timeout
+        self.timeout = self.stream.timeout = in_ns(settings.timeout)
 
     @property
     def deadline(self) -> float:

@@ -44,7 +44,7 @@ from sat_collision.messages.rejections import Rejection
 from sat_collision.messages.transform_listener import TRANSFORM_TOPICS
 from sat_collision.monitor import Monitor
 from sat_collision.node.health import Health
-from sat_collision.node.loop import Backlog, Loop, LoopOwnedGroup
+from sat_collision.node.loop import Backlog, Loop
 from sat_collision.node.parameters import Parameters
 from sat_collision.node.publishers import faults_of
 from sat_collision.node.signals import Signalled
@@ -133,11 +133,9 @@ class FootprintMonitor(Node):
         self._health = Health(self, {'kernel': KERNEL, 'middleware': middleware,
                                      'problem of kernels': kernel_problem() or 'none'})
         self._logged: dict[tuple[str, str], float] = {}
-        taken_by = LoopOwnedGroup()
-        self._inputs = Subscriptions(self, settings, taken_by, self._health, self.note_matched,
+        self._inputs = Subscriptions(self, settings, self._health, self.note_matched,
                                      self.note_liveliness)
-        self._transform_inputs = (subscribe_transforms(self, transforms, taken_by)
-                                  if transforms else [])
+        self._transform_inputs = subscribe_transforms(self, transforms) if transforms else []
         self._reports_unknown_at = time.monotonic() + _STARTED
         self._advised: set[str] = set()
         self._now = 0
@@ -155,8 +153,8 @@ class FootprintMonitor(Node):
         self._is_stalled = False
         self._set_rates(settings)
         inputs = [*self._transform_inputs, *self._inputs.inputs]
-        self._commands = CommandSubscriptions(self, settings, taken_by, inputs)
-        self._paths = PathSubscriptions(self, settings, taken_by, inputs)
+        self._commands = CommandSubscriptions(self, settings, inputs)
+        self._paths = PathSubscriptions(self, settings, inputs)
         self.loop = Loop(self, inputs, self, lambda: self._scene.settings.max_batch_delay)
         parameters.on_change(self._configure, self._health.note_change)
 
@@ -504,7 +502,6 @@ def run(args: Sequence[str]) -> int:
         node.raise_flags()
         raise
     node.get_logger().info('stopped by a signal')
-    node.loop.close()
     node.destroy_node()
     rclpy.shutdown(context=context)
     return 0

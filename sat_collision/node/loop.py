@@ -10,8 +10,8 @@
 """
 The node's event loop: takes messages in batches, shares time among topics, and ticks.
 
-Like `rclpy.executors` it uses the wait set and the handles of subscriptions. Everything but the
-messages of its inputs goes to the callbacks and the executor of rclpy.
+Like `rclpy.executors` it uses the wait set and the handles of subscriptions and services.
+Everything but the messages of its inputs goes to the callbacks of rclpy.
 """
 
 from __future__ import annotations
@@ -25,9 +25,7 @@ import math
 import time
 from typing import Any, NamedTuple, Protocol
 
-from rclpy.callback_groups import CallbackGroup
 from rclpy.event_handler import QoSLivelinessChangedInfo, QoSSubscriptionMatchedInfo
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.subscription import Subscription
@@ -163,20 +161,6 @@ class Input:
         return None
 
 
-class LoopOwnedGroup(CallbackGroup):
-    """Keeps executors from taking the messages that the loop takes."""
-
-    def can_execute(self, entity: Any) -> bool:
-        """Return False for a subscription, True for anything else, such as its events."""
-        return not isinstance(entity, Subscription)
-
-    def beginning_execution(self, entity: Any) -> bool:
-        return self.can_execute(entity)
-
-    def ending_execution(self, entity: Any) -> None:
-        """Do nothing: callbacks of this group do not exclude each other."""
-
-
 def unused(_: bytes) -> None:
     """Do nothing: the callback of a subscription whose messages the loop takes itself."""
 
@@ -191,12 +175,10 @@ class Loop:
     When messages are frequent it rests between turns instead of waiting, for fewer wake-ups and
     larger batches; a footprint's message ends the rest. Services and middleware events are
     checked once per tick, and after a wait that ends without a message, because each entity in
-    the wait set costs time at every wake-up. Service calls are handled by an executor of rclpy.
-    Each turn ends with a part of what messages come before, and while there is more of that, the
-    next one begins at once.
+    the wait set costs time at every wake-up. Each turn ends with a part of what messages come
+    before, and while there is more of that, the next one begins at once.
 
-    Inputs are taken in the order given; their callback group must be a `LoopOwnedGroup` one.
-    `max_batch_delay` returns the max rest in s.
+    Inputs are taken in the order given. `max_batch_delay` returns the max rest in s.
     """
 
     def __init__(self, node: Node, inputs: Sequence[Input], receiver: Receiver,
@@ -207,8 +189,6 @@ class Loop:
         self._inputs = inputs
         # The topics up to the last one that ends rests, and the others.
         self._topics: tuple[list[_Topic], list[_Topic]] = [], []
-        self._executor = SingleThreadedExecutor(context=node.context)
-        self._executor.add_node(node)
         self._rest = 0.0
         self._rests_until = 0.0
         # Pointers of the subscriptions to check when a message ended a rest, and when none did.
@@ -251,11 +231,6 @@ class Loop:
                 while not ended() and not (self._looks_at_others and wait_set.is_outdated()):
                     self._turn(wait_set)
 
-    def close(self) -> None:
-        """Shut down the executor; `run` must have returned."""
-        self._executor.remove_node(self._node)
-        self._executor.shutdown()
-
     def _turn(self, wait_set: WaitSet) -> None:
         """Rest or wait, take messages, have changes published, and do what else is due."""
         ready, was_long = self._wait(wait_set)
@@ -282,9 +257,7 @@ class Loop:
         if not are_alone:
             self._is_behind = any(topic.is_behind for topic in chain(*self._topics))
         wait_set.take_others(ready)
-        if wait_set.is_service_called:
-            wait_set.is_service_called = False
-            self._executor.spin_once(0.0)
+        wait_set.answer_calls()
         if late >= 0.0:
             self._read_clock_again(time.monotonic())
             self._receiver.tick(self._present)

@@ -16,7 +16,6 @@ from functools import partial
 from typing import Any, TypeAlias
 
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped, Twist, TwistStamped
-from rclpy.callback_groups import CallbackGroup
 from rclpy.event_handler import (
     EventHandler, QoSLivelinessChangedInfo, QoSRequestedDeadlineMissedInfo,
     QoSRequestedIncompatibleQoSInfo, QoSSubscriptionMatchedInfo, SubscriptionEventCallbacks,
@@ -96,11 +95,9 @@ class Subscriptions:
 
     """
 
-    def __init__(self, node: Node, settings: Settings, group: CallbackGroup,
-                 health: Health, note_matched: NoteMatched,
-                 note_liveliness: NoteLiveliness) -> None:
+    def __init__(self, node: Node, settings: Settings, health: Health,
+                 note_matched: NoteMatched, note_liveliness: NoteLiveliness) -> None:
         self._node = node
-        self._group = group
         self._health = health
         self._note_matched = note_matched
         self._note_liveliness = note_liveliness
@@ -170,8 +167,7 @@ class Subscriptions:
         # The settings have the remapped name, which must not be remapped again.
         topic = self._node.get_parameter(f'{source.name}.{parameter}').value
         self._create[source.name] = create = partial(
-            self._node.create_subscription, kind, topic, unused, raw=True,
-            callback_group=self._group, event_callbacks=events)
+            self._node.create_subscription, kind, topic, unused, raw=True, event_callbacks=events)
         try:
             subscription = create(QoSProfile(depth=depth),
                                   qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE))
@@ -226,12 +222,12 @@ def transform_type(node: Node, settings: Settings) -> type | None:
     return TFMessage  # type: ignore[no-any-return]
 
 
-def subscribe_transforms(node: Node, kind: type, group: CallbackGroup) -> list[Input]:
+def subscribe_transforms(node: Node, kind: type) -> list[Input]:
     """Subscribe to serialised /tf and /tf_static; `kind` is the class TFMessage."""
     return [Input(topic, node.create_subscription(
         kind, topic, unused, QoSProfile(depth=_TRANSFORM_DEPTH, durability=durability),
-        raw=True, callback_group=group, qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE)),
-        topic=topic) for topic, durability in _DURABILITIES.items()]
+        raw=True, qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE)), topic=topic)
+        for topic, durability in _DURABILITIES.items()]
 
 
 class _LateSubscriptions:
@@ -242,9 +238,8 @@ class _LateSubscriptions:
     topic can be made only at the next look at the publishers.
     """
 
-    def __init__(self, node: Node, group: CallbackGroup, inputs: list[Input]) -> None:
+    def __init__(self, node: Node, inputs: list[Input]) -> None:
         self._node = node
-        self._group = group
         self._inputs = inputs
 
     def _topic(self, name: str) -> str:
@@ -255,7 +250,7 @@ class _LateSubscriptions:
                    qos: QoSProfile) -> Input:
         """Subscribe; RuntimeError if this process has a subscription of another type."""
         one = Input(settings.name, self._node.create_subscription(
-            kind, self._topic(settings.name), unused, qos, raw=True, callback_group=self._group))
+            kind, self._topic(settings.name), unused, qos, raw=True))
         self._inputs.append(one)
         self._node.get_logger().info(f'{settings.name}: {kind.__name__} on {settings.topic}')
         return one
@@ -272,9 +267,8 @@ class PathSubscriptions(_LateSubscriptions):
     Where others have come in place of all of them, or one that offers less, it subscribes anew.
     """
 
-    def __init__(self, node: Node, settings: Settings, group: CallbackGroup,
-                 inputs: list[Input]) -> None:
-        super().__init__(node, group, inputs)
+    def __init__(self, node: Node, settings: Settings, inputs: list[Input]) -> None:
+        super().__init__(node, inputs)
         self._paths = [path for one in settings.footprints if (path := one.path_settings)]
         # By name, and the publishers that there were then.
         self._subscribed: dict[str, tuple[Input, set[tuple[int, ...]]]] = {}
@@ -318,9 +312,8 @@ class CommandSubscriptions(_LateSubscriptions):
     `follow` destroys the subscription, and creates the next one when it is called again.
     """
 
-    def __init__(self, node: Node, settings: Settings, group: CallbackGroup,
-                 inputs: list[Input]) -> None:
-        super().__init__(node, group, inputs)
+    def __init__(self, node: Node, settings: Settings, inputs: list[Input]) -> None:
+        super().__init__(node, inputs)
         self._commands = {one.name: one.command for one in settings.footprints if one.command}
         self._subscribed: dict[str, Input] = {}
         # Why no command can come to a footprint, by its name; empty if one can.

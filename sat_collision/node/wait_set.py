@@ -17,6 +17,7 @@ from typing import Any
 from rclpy.event_handler import EventHandler
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
+from rclpy.service import Service
 
 
 class WaitSet:
@@ -39,12 +40,12 @@ class WaitSet:
             held.enter_context(event)
         self._subscriptions = [one.handle for one in node.subscriptions]
         self._ending_rest = [one for one in self._subscriptions if one.pointer in ending_rest]
-        self._services = [one.handle for one in node.services]
+        self._services: list[Service] = [*node.services]
         self._wait_set = rclpy_implementation.WaitSet(
             len(self._subscriptions), 0, 0, 0, len(self._services), len(self._events),
             node.context.handle)
-        # Whether a service had a request when services were last checked.
-        self.is_service_called = False
+        # Those that had a request when services were last checked.
+        self._called: list[Service] = []
         self._others = {one.handle.pointer: one for one in node.subscriptions
                         if one.handle.pointer not in taken_elsewhere}
 
@@ -66,14 +67,15 @@ class WaitSet:
         for handle in self._subscriptions:
             wait_set.add_subscription(handle)
         if for_others:
-            for handle in self._services:
-                wait_set.add_service(handle)
+            for service in self._services:
+                wait_set.add_service(service.handle)
             for event in self._events:
                 event.add_to_wait_set(wait_set)
         wait_set.wait(int(seconds * 1e9))
         ready = set(wait_set.get_ready_entities('subscription'))
         if for_others:
-            self.is_service_called = bool(wait_set.get_ready_entities('service'))
+            called = wait_set.get_ready_entities('service')
+            self._called = [one for one in self._services if one.handle.pointer in called]
             for event in [one for one in self._events if one.is_ready(wait_set)]:
                 if (info := event.take_data()) is not None:
                     event.callback(info)
@@ -86,6 +88,15 @@ class WaitSet:
             self._wait_set.add_subscription(handle)
         self._wait_set.wait(int(seconds * 1e9))
         return bool(self._wait_set.get_ready_entities('subscription'))
+
+    def answer_calls(self) -> None:
+        """Answer a request of each service that had one when services were last checked."""
+        called, self._called = self._called, []
+        for service in called:
+            kind = service.srv_type
+            request, header = service.handle.service_take_request(kind.Request)
+            if header is not None:
+                service.send_response(service.callback(request, kind.Response()), header)
 
     def take_others(self, ready: set[int] | None) -> None:
         """Take a message of each other ready subscription, such as /clock; None for all."""

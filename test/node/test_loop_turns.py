@@ -103,15 +103,12 @@ def looped(peer):
 
     def subscribed(name):
         return loop.Input(name, node.create_subscription(
-            PolygonStamped, name, id, QoSProfile(depth=2000), raw=True,
-            callback_group=loop.LoopOwnedGroup()), ends_rest=name != 'flood')
+            PolygonStamped, name, id, QoSProfile(depth=2000), raw=True), ends_rest=name != 'flood')
     inputs = [subscribed(name) for name in ('other', 'flood')]
 
     @contextmanager
     def looped(receiver, delay=0.0, further=()):
-        one = loop.Loop(node, [*map(subscribed, further), *inputs], receiver, lambda: delay)
-        yield one
-        one.close()
+        yield loop.Loop(node, [*map(subscribed, further), *inputs], receiver, lambda: delay)
 
     def until(receiver, condition, **options):
         with looped(receiver, **options) as one:

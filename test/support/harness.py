@@ -318,7 +318,6 @@ class MonitorPeer(Peer):
         super().__init__(domain)
 
     def close(self):
-        self.monitor.loop.close()
         self.monitor.destroy_node()
         self._monitor_context.shutdown()
         super().close()

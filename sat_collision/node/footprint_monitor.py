@@ -44,7 +44,7 @@ from sat_collision.messages.rejections import Rejection
 from sat_collision.messages.transform_listener import TRANSFORM_TOPICS
 from sat_collision.monitor import Monitor
 from sat_collision.node.health import Health
-from sat_collision.node.loop import Backlog, Loop
+from sat_collision.node.loop import Loop
 from sat_collision.node.parameters import Parameters
 from sat_collision.node.publishers import faults_of
 from sat_collision.node.signals import Signalled
@@ -288,9 +288,6 @@ class FootprintMonitor(Node):
         self._outputs.markers_current = False
         self._health.count_batch(messages, seconds)
 
-    def note_backlog(self, name: str, backlog: Backlog | None) -> None:
-        self._health.note_backlog(name, backlog)
-
     def due(self, now: int, steady: float) -> float:
         until = (self._monitor.deadline - now) / 1e9
         change = min(steady + until, self._publishing.next)
@@ -320,7 +317,8 @@ class FootprintMonitor(Node):
             self._publish_markers()
         if self._reporting.due(steady):
             faults = [fault for one in self._transform_inputs for fault in faults_of(self, one)]
-            self._health.publish(self._monitor, self._outputs.statuses(), faults)
+            self._health.publish(self._monitor, self.loop.backlogs, self._outputs.statuses(),
+                                 faults)
             topic = self.resolve_topic_name(TF)
             if self._transform_inputs and not self.count_publishers(topic):
                 faults.append(f'{topic} has no publisher: start what publishes the transforms')
@@ -341,7 +339,7 @@ class FootprintMonitor(Node):
 
     def _look_around(self, now: int, steady: float) -> None:
         """Poll what gives no event: publishers, clock, middleware, kernels being compiled."""
-        for name, endpoints in self._inputs.publishers.news(self._health.backlogs):
+        for name, endpoints in self._inputs.publishers.news(self.loop.backlogs):
             self._monitor.update_publishers(name, endpoints)
         for name, fault in self._commands.follow():
             self._scene.note_command_fault(name, fault)

@@ -12,7 +12,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -51,8 +51,6 @@ class Health:
         self._transforms = 0
         self._refused = self._lost = 0
         self._begun = time.monotonic()
-        # How far behind topics are, by name of the footprint or source.
-        self.backlogs: dict[str, Backlog] = {}
         self._messages = 0
         self._seconds = 0.0
         self._longest = 0.0
@@ -80,17 +78,10 @@ class Health:
         self._seconds += seconds
         self._longest = max(self._longest, seconds)
 
-    def note_backlog(self, name: str, backlog: Backlog | None) -> None:
-        """Record how far behind a footprint or source is, None if it is no longer behind."""
-        if backlog:
-            self.backlogs[name] = backlog
-        else:
-            self.backlogs.pop(name, None)
-
-    def publish(self, monitor: Monitor, states: Iterable[DiagnosticStatus],
-                faults: Iterable[str] = ()) -> None:
+    def publish(self, monitor: Monitor, backlogs: Mapping[str, Backlog],
+                states: Iterable[DiagnosticStatus], faults: Iterable[str]) -> None:
         """Publish states of footprints, figures since the last message, and faults of /tf."""
-        self._write(monitor, faults)
+        self._write(monitor, backlogs, faults)
         self._send([self._status, *states])
 
     def publish_stall(self, reason: str, states: Iterable[DiagnosticStatus]) -> None:
@@ -104,7 +95,8 @@ class Health:
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(message)
 
-    def _write(self, monitor: Monitor, faults: Iterable[str]) -> None:
+    def _write(self, monitor: Monitor, backlogs: Mapping[str, Backlog],
+               faults: Iterable[str]) -> None:
         now = time.monotonic()
         period = now - self._begun
         transforms = monitor.transforms
@@ -137,7 +129,7 @@ class Health:
             values[f'{name}: lost'] = str(count)
         for (topic, what), count in self._events.items():
             values[f'{topic}: {what}'] = str(count)
-        for name, backlog in self.backlogs.items():
+        for name, backlog in backlogs.items():
             values[f'{name}: behind'] = f'{backlog.seconds:.3f} s, {backlog.messages} messages'
         if self._stalls:
             values['stalls'] = f'{self._stalls}, the longest of {self._longest_stall:.1f} s'
@@ -157,7 +149,7 @@ class Health:
         if lost > self._lost:
             problems.append(f'messages lost: {lost - self._lost}')
         problems += [f'{name} is behind by {backlog.seconds:.3f} s'
-                     for name, backlog in self.backlogs.items() if backlog.seconds > _NOTEWORTHY]
+                     for name, backlog in backlogs.items() if backlog.seconds > _NOTEWORTHY]
         problems += [f'{what}: {count}' for what, count in (+self._news).items()]
         self._news.clear()
         self._status.level = DiagnosticStatus.WARN if problems else DiagnosticStatus.OK

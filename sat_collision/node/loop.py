@@ -20,7 +20,6 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
-from itertools import chain
 import math
 import time
 from typing import Any, NamedTuple, Protocol
@@ -102,9 +101,6 @@ class Receiver(Protocol):
 
     def end_batch(self, messages: int, seconds: float) -> None:
         """Publish what a batch of messages changed, which took `seconds` to process."""
-
-    def note_backlog(self, name: str, backlog: Backlog | None) -> None:
-        """Record how far behind a topic is, None if it is no longer behind."""
 
     def due(self, now: int, steady: float) -> float:
         """
@@ -194,8 +190,9 @@ class Loop:
         # Pointers of the subscriptions to check when a message ended a rest, and when none did.
         self._at_once: set[int] = set()
         self._gathered: set[int] = set()
-        # Whether the last turn left messages for lack of time, and other things to do.
-        self._is_behind = False
+        # By the name of an input of which the last turn left messages for lack of time.
+        self.backlogs: dict[str, Backlog] = {}
+        # Whether that turn left other things to do.
         self._has_more = False
         self._looks_at_others = True
         # The present time in ns and by the steady clock, as last read.
@@ -212,11 +209,9 @@ class Loop:
     def run(self, ended: Callable[[], bool]) -> None:
         """Run until `ended()` is true, which is checked after each turn."""
         while not ended():
-            for topic in chain(*self._topics):
-                if topic.is_behind:
-                    self._receiver.note_backlog(topic.name, None)
+            self.backlogs.clear()
             with ExitStack() as held:
-                topics = [_Topic(one, self._receiver) for one in self._inputs]
+                topics = [_Topic(one, self._receiver, self.backlogs) for one in self._inputs]
                 pointers = [topic.pointer for topic in topics]
                 ending_rest = {topic.pointer for topic in topics if topic.ends_rest}
                 every = {one.handle.pointer for one in self._node.subscriptions}
@@ -254,8 +249,6 @@ class Loop:
                 now = self._end_batch(taken - before, since)
             between = self._take_first
         self._taken += taken
-        if not are_alone:
-            self._is_behind = any(topic.is_behind for topic in chain(*self._topics))
         wait_set.take_others(ready)
         wait_set.answer_calls()
         if late >= 0.0:
@@ -266,7 +259,7 @@ class Loop:
         had_more, self._has_more = self._has_more, self._receiver.go_on(self._present)
         if taken or late >= 0.0 or had_more:
             self._next_tick = self._receiver.due(self._present, self._read_at)
-        if (self._rest and taken and not self._is_behind and not self._has_more
+        if (self._rest and taken and not self.backlogs and not self._has_more
                 and (late >= 0.0 or ready is not self._at_once)):
             self._rests_until = time.monotonic() + self._rest
 
@@ -324,7 +317,7 @@ class Loop:
             elif not self._looks_at_others:
                 self._rests_until = 0.0
                 return self._gathered, False
-        look_at_all = self._rests_until > 0.0 or self._is_behind
+        look_at_all = self._rests_until > 0.0 or bool(self.backlogs)
         self._rests_until = 0.0
         if look_at_all and not self._looks_at_others:
             return None, False
@@ -349,8 +342,8 @@ class Loop:
 class _Topic:
     """One topic whose messages the loop takes."""
 
-    def __init__(self, one: Input, receiver: Receiver) -> None:
-        self.is_behind = False
+    def __init__(self, one: Input, receiver: Receiver, backlogs: dict[str, Backlog]) -> None:
+        self._backlogs = backlogs
         self.pointer = one.subscription.handle.pointer
         self.ends_rest = one.ends_rest
         self.name = one.name
@@ -375,7 +368,7 @@ class _Topic:
 
         `between` is called between two batches, and returns the present time.
         """
-        was_behind, self.is_behind = self.is_behind, False
+        self._backlogs.pop(self.name, None)
         end = time.monotonic() + budget
         total = 0
         while count := self.take_batch(self._limit, now):
@@ -388,16 +381,12 @@ class _Topic:
             if self._is_empty:
                 break
             if is_late:
-                self.is_behind = True
                 total += self.take_batch(1, now) if self._next else 0
+                self._backlogs[self.name] = self._backlog(total)
                 break
             self._limit = min(4 * self._limit, _MAX_TOGETHER)
             if between:
                 now = between()
-        if self.is_behind:
-            self._receiver.note_backlog(self.name, self._backlog(total))
-        elif was_behind:
-            self._receiver.note_backlog(self.name, None)
         return total
 
     def take_batch(self, limit: int, now: int) -> int:

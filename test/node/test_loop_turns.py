@@ -43,7 +43,6 @@ class Recorder:
         self.meets = meets
         self.names = []
         self.batches = []
-        self.backlogs = []
         self.ticks = 0
         self.parts = 0
 
@@ -61,9 +60,6 @@ class Recorder:
 
     def end_batch(self, messages, seconds):
         self.batches.append(messages)
-
-    def note_backlog(self, name, backlog):
-        self.backlogs.append((name, backlog))
 
     def go_on(self, now):
         self.parts and self.names.append('part')
@@ -137,14 +133,15 @@ def test_other_topics_get_their_turn_during_a_flood(peer, looped):
     """Half a second of work is queued on one topic; the other's message and ticks come between."""
     receiver = Recorder(0.001)
     arrive(peer, flood=500, other=1)
+    backlogs = []
     with looped(receiver) as one:
-        one.run(lambda: receiver.names.count('flood') == 500 and not receiver.backlogs[-1][1])
+        one.run(lambda: backlogs.append(dict(one.backlogs)) or (
+            receiver.names.count('flood') == 500 and not one.backlogs))
     assert receiver.names.index('other') < 50
     assert receiver.names[:-1].count('tick') > 3
     assert max(receiver.batches) < 50
-    backlogs = [backlog for name, backlog in receiver.backlogs if name == 'flood']
-    assert backlogs[-1] is None and {name for name, _ in receiver.backlogs} == {'flood'}
-    assert all(backlog.seconds > 0.0 for backlog in backlogs[:-1])
+    assert {*itertools.chain(*backlogs)} == {'flood'} and not backlogs[-1]
+    assert all(backlog['flood'].seconds > 0.0 for backlog in backlogs if backlog)
 
 
 def test_topic_that_was_behind_before_another_subscription_came_is_no_longer(
@@ -153,10 +150,10 @@ def test_topic_that_was_behind_before_another_subscription_came_is_no_longer(
     receiver = Recorder(0.001)
     arrive(peer, flood=100)
     with looped(receiver) as one:
-        one.run(lambda: receiver.backlogs)
+        one.run(lambda: one.backlogs)
         monkeypatch.setattr(loop, '_LONGEST_TURN', 20.0)
         one.run(lambda: receiver.names.count('flood') == 100)
-    assert receiver.backlogs[-1] == ('flood', None)
+        assert one.backlogs == {}
 
 
 def test_many_footprints_leave_obstacles_their_time(peer, looped, monkeypatch):
@@ -286,14 +283,14 @@ def test_stop_is_not_delayed_by_a_flood(peer, looped):
     assert 0 < receiver.names.count('flood') < 50
 
 
-def topic(handle, receiver, events=(), depth=2000, status='matched'):
+def topic(handle, receiver, events=(), depth=2000, status='matched', backlogs=None):
     """Return a topic with a status that gives some events, then none."""
     subscription = SimpleNamespace(handle=handle, msg_type=PolygonStamped, qos_profile=QoSProfile(
         depth=depth, liveliness_lease_duration=Duration(seconds=status == 'liveliness')))
     events = iter(events)
     return loop._Topic(SimpleNamespace(
         name='flood', subscription=subscription, ends_rest=False,
-        **{'matched': lambda: None, status: lambda: next(events, None)}), receiver)
+        **{'matched': lambda: None, status: lambda: next(events, None)}), receiver, backlogs)
 
 
 @pytest.mark.parametrize('events, expected', [
@@ -328,10 +325,9 @@ def test_backlog_estimates_the_queued_messages(monkeypatch, depth, expected):
     monkeypatch.setattr(loop, 'time', SimpleNamespace(
         monotonic=time.monotonic,
         time_ns=lambda: taken[-1]['received_timestamp'] + 200 * 10**6))
-    receiver = Recorder()
-    topic(handle, receiver, depth=depth).take(0.0, 0)
-    (name, backlog), = receiver.backlogs
-    assert (name, backlog.seconds, backlog.messages) == ('flood', 0.2, expected)
+    backlogs = {}
+    topic(handle, Recorder(), depth=depth, backlogs=backlogs).take(0.0, 0)
+    assert backlogs == {'flood': (0.2, expected)}
 
 
 @pytest.mark.parametrize('topic, rate, how', [

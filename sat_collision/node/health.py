@@ -45,11 +45,9 @@ class Health:
         self._status = DiagnosticStatus(name=f'{name}: health', hardware_id=name)
         self.facts = facts
         self._events: Counter[tuple[str, str]] = Counter()
-        self._news: Counter[str] = Counter()
-        self._received: Counter[str] = Counter()
+        # What had been counted by the last message, see `_growth`.
+        self._totals: Counter[object] = Counter()
         self._turns: Counter[str] = Counter()
-        self._transforms = 0
-        self._refused = self._lost = 0
         self._begun = time.monotonic()
         self._messages = 0
         self._seconds = 0.0
@@ -59,18 +57,15 @@ class Health:
         self._changes: dict[str, str] = {}
 
     def note_change(self, name: str, old: object, new: object) -> None:
-        """Record a change of a parameter."""
         self._changes[name] = f'from {old} to {new}'
 
     def count_stall(self, seconds: float) -> None:
-        """Count a stall and record how long it was."""
         self._stalls += 1
         self._longest_stall = max(self._longest_stall, seconds)
 
     def count_event(self, topic: str, what: str, count: int) -> None:
         """Count violations of the QoS of a topic."""
         self._events[topic, what] += count
-        self._news[f'{what} on {topic}'] += count
 
     def count_batch(self, messages: int, seconds: float) -> None:
         """Count messages that were checked together, and the time that took."""
@@ -95,24 +90,25 @@ class Health:
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(message)
 
+    def _growth(self, what: object, total: int) -> int:
+        """Return by how much a total has grown since the last message."""
+        before, self._totals[what] = self._totals[what], total
+        return total - before
+
     def _write(self, monitor: Monitor, backlogs: Mapping[str, Backlog],
                faults: Iterable[str]) -> None:
         now = time.monotonic()
         period = now - self._begun
         transforms = monitor.transforms
-        refused = monitor.rejected.total() + transforms.rejected.total()
-        lost = monitor.scene.lost().total()
         values = dict(self.facts)
         values['check time mean [ms]'] = f'{1e3 * self._seconds / max(self._messages, 1):.3f}'
         values['longest batch [ms]'] = f'{1e3 * self._longest:.3f}'
-        received = monitor.received + transforms.received
-        for name, count in received.items():
+        for name, count in (monitor.received + transforms.received).items():
             values[f'{name}: received'] = str(count)
-            values[f'{name}: rate [Hz]'] = f'{(count - self._received[name]) / period:.1f}'
+            values[f'{name}: rate [Hz]'] = f'{self._growth(name, count) / period:.1f}'
         if transforms.transforms:
-            values['transforms: rate [Hz]'] = (
-                f'{(transforms.transforms - self._transforms) / period:.1f}')
-        self._transforms = transforms.transforms
+            taken = self._growth('all transforms', transforms.transforms)
+            values['transforms: rate [Hz]'] = f'{taken / period:.1f}'
         # How often the publishers of a frame took turns since the last message, if often.
         twice = {child: count - self._turns[child] for child, count in transforms.turns.items()
                  if count - self._turns[child] >= _FEW_TURNS}
@@ -144,14 +140,15 @@ class Health:
                             f'{publishers}, sends {frames}')
         if not self._node.get_clock().ros_time_is_active and self._node.count_publishers('/clock'):
             problems.append('/clock is published, but not used here: set use_sim_time: true')
-        if refused > self._refused:
-            problems.append(f'messages rejected: {refused - self._refused}')
-        if lost > self._lost:
-            problems.append(f'messages lost: {lost - self._lost}')
+        for what, total in (
+                ('rejected', monitor.rejected.total() + transforms.rejected.total()),
+                ('lost', monitor.scene.lost().total())):
+            if (count := self._growth(f'messages {what}', total)) > 0:
+                problems.append(f'messages {what}: {count}')
         problems += [f'{name} is behind by {backlog.seconds:.3f} s'
                      for name, backlog in backlogs.items() if backlog.seconds > _NOTEWORTHY]
-        problems += [f'{what}: {count}' for what, count in (+self._news).items()]
-        self._news.clear()
+        problems += [f'{what} on {topic}: {count}' for (topic, what), total in self._events.items()
+                     if (count := self._growth((topic, what), total))]
         self._status.level = DiagnosticStatus.WARN if problems else DiagnosticStatus.OK
         flags = sorted({one.topic_name for one in self._node.publishers if one.msg_type is Bool})
         if shared := [flag for flag in flags if self._node.count_publishers(flag) > 1]:
@@ -160,7 +157,5 @@ class Health:
                                'monitor of this name runs, or two flags have one topic, so that '
                                'they cannot be trusted: end it, or rename one')
         self._status.message = '; '.join(problems) or 'running'
-        self._received = received
-        self._refused, self._lost = refused, lost
         self._begun = now
         self._messages, self._seconds, self._longest = 0, 0.0, 0.0

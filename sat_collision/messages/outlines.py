@@ -89,7 +89,7 @@ class Outlines:
             pose, twist = decode_odometry(data)
         except MessageError as error:
             return [self._ingest.reject(settings, UNDECODABLE, str(error))]
-        if problem := self._transforms.receive_odometry(pose, now, arrived):
+        if problem := self._transforms.take(pose, now, arrived):
             return [self._ingest.reject(settings, *problem)]
         parent, child, stamp, _ = pose
         parent, child = parent.removeprefix('/'), child.removeprefix('/')

@@ -16,7 +16,6 @@ from collections import Counter
 from sat_collision.messages.cdr import decode_transforms, MessageError, StampedTransform
 from sat_collision.messages.rejections import Rejection, UNDECODABLE
 from sat_collision.scene.frames import Frames, in_quotes, in_words, Mapped, NoTransform
-from sat_collision.scene.rotations import Transform
 from sat_collision.scene.scene import FROM_FUTURE
 from sat_collision.scene.settings import NEVER, Settings, TF
 
@@ -68,24 +67,16 @@ class TransformListener:
             self.rejected[topic, UNDECODABLE] += 1
             return [Rejection(topic, topic, UNDECODABLE, str(error))]
         rejections = []
-        insert = self.frames.insert
-        static = topic == TF_STATIC
         numbers = self._numbers
-        for parent, child, stamp, transform in transforms:
-            stamp = stamp or arrived
-            if now and stamp > now + self._tolerance and not static:
-                refusal: str | None = FROM_FUTURE
-            else:
-                refusal = insert(parent, child, stamp, transform, static)
-            if refusal:
-                key = in_words(child), refusal
+        for one in transforms:
+            child = one[1]
+            if problem := self.take(one, now, arrived, topic):
+                key = in_words(child), problem[0]
                 if key not in self.rejected and len(self.rejected) >= _MAX_COUNTED:
-                    key = _OTHERS, refusal
+                    key = _OTHERS, problem[0]
                 self.rejected[key] += 1
-                detail = (_ahead(child, stamp, now) if refusal == FROM_FUTURE else
-                          _detail(parent, child, transform, 'by an unknown publisher '))
-                rejections.append(Rejection(topic, topic, refusal, detail))
-            elif number is not None and not static:
+                rejections.append(Rejection(topic, topic, *problem))
+            elif number is not None and topic != TF_STATIC:
                 # Each publisher counts its messages upwards, so a number that is not above the
                 # last one for a frame is another publisher's, or of one that has begun again.
                 if numbers.get(child, 0) >= number:
@@ -94,18 +85,22 @@ class TransformListener:
                     numbers.clear()
                     self.turns.clear()
                 numbers[child] = number
-        self.transforms += len(transforms) - len(rejections)
         return rejections
 
-    def receive_odometry(self, pose: StampedTransform, now: int,
-                         arrived: int) -> tuple[str, str] | None:
-        """Take the pose of an Odometry that `arrived` then; return why it is refused."""
-        parent, child, stamp, transform = pose
-        if now and stamp > now + self._tolerance:
-            return FROM_FUTURE, _ahead(child, stamp, now)
-        refusal = self.frames.insert(parent, child, stamp or arrived, transform)
-        if refusal:
-            return refusal, _detail(parent, child, transform)
+    def take(self, received: StampedTransform, now: int, arrived: int,
+             topic: str = '') -> tuple[str, str] | None:
+        """Take a transform of a topic, or the pose of an Odometry; return why it is refused."""
+        parent, child, stamp, transform = received
+        stamp = stamp or arrived
+        static = topic == TF_STATIC
+        if now and stamp > now + self._tolerance and not static:
+            return FROM_FUTURE, (f'the transform of {in_quotes(child)} is stamped '
+                                 f'{(stamp - now) / 1e9:.3f} s ahead of the clock')
+        if refusal := self.frames.insert(parent, child, stamp, transform, static):
+            publisher = 'by an unknown publisher ' if topic else ''
+            numbers = ', '.join(f'{number:.6g}' for number in transform)
+            return refusal, (f'the transform of {in_quotes(child)} in {in_quotes(parent)} '
+                             f'{publisher}is ({numbers})')
         self.transforms += 1
         return None
 
@@ -123,14 +118,3 @@ class TransformListener:
         """
         oldest = now - round(timeout * 1e9) if timeout else -NEVER
         return self.frames.lookup_affine(self._target, frame_id, stamp, oldest, now)
-
-
-def _ahead(child: str, stamp: int, now: int) -> str:
-    return (f'the transform of {in_quotes(child)} is stamped {(stamp - now) / 1e9:.3f} s ahead of '
-            'the clock')
-
-
-def _detail(parent: str, child: str, transform: Transform, publisher: str = '') -> str:
-    numbers = ', '.join(f'{number:.6g}' for number in transform)
-    return (f'the transform of {in_quotes(child)} in {in_quotes(parent)} {publisher}is '
-            f'({numbers})')

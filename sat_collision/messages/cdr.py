@@ -31,11 +31,9 @@ from sat_collision.scene.frames import LONGEST_FRAME_ID
 from sat_collision.scene.rotations import Transform
 from sat_collision.scene.velocity import Twist
 
-_OWN_CDR = {'little': b'\x00\x01\x00\x00', 'big': b'\x00\x00\x00\x00'}[sys.byteorder]
 _OWN_SIGN = {'little': '<', 'big': '>'}[sys.byteorder]
 _HEADER_SIZE = 16  # encapsulation, seconds, nanoseconds, length of frame_id
 _read_count = struct.Struct('=I').unpack_from
-_read_stamp = struct.Struct('=4siI').unpack_from
 STAMP_SIZE = 12
 COUNT_SIZE = 4
 _ID_SIZE = 8
@@ -155,16 +153,11 @@ def _read_polygon_2d_header(data: bytes) -> tuple[int, str, bytes, int, _Order]:
 
 def header_stamp(data: bytes) -> int:
     """Return the header stamp of a message in ns, 0 if it has none that is valid."""
-    if len(data) < STAMP_SIZE:
+    order = _ORDERS.get(data[:_ENCAPSULATION_SIZE])
+    if order is None or len(data) < STAMP_SIZE:
         return 0
-    encapsulation, seconds, nanoseconds = _read_stamp(data)
-    if encapsulation != _OWN_CDR:
-        if not (order := _ORDERS.get(encapsulation)):
-            return 0
-        seconds, nanoseconds = order.stamp(data, _ENCAPSULATION_SIZE)
-    if nanoseconds >= _SECOND:
-        return 0
-    return int(seconds * _SECOND + nanoseconds)
+    seconds, nanoseconds = order.stamp(data, _ENCAPSULATION_SIZE)
+    return seconds * _SECOND + nanoseconds if nanoseconds < _SECOND else 0
 
 
 def _too_many_nanoseconds(nanoseconds: int, stamp: str = 'the stamp') -> MessageError:

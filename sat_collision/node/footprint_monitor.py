@@ -243,8 +243,8 @@ class FootprintMonitor(Node):
             self._log(rejections)
 
     def begin_stream(self, name: str) -> None:
-        endpoints = self._inputs.publishers.at_beginning(name)
-        if endpoints is not None:
+        one = self._inputs.publishers.get(name)
+        if one and (endpoints := one.at_beginning()) is not None:
             self._monitor.update_publishers(name, endpoints)
 
     def change_publisher(self, name: str) -> None:
@@ -253,7 +253,7 @@ class FootprintMonitor(Node):
     def note_matched(self, name: str, event: QoSSubscriptionMatchedInfo) -> bool:
         if not (event.total_count_change or event.current_count_change):
             return False
-        self._inputs.publishers.note_matched(name, event)
+        self._inputs.publishers[name].note_matched(event)
         if not event.total_count_change:
             return False
         self._begin_anew(name)
@@ -263,7 +263,7 @@ class FootprintMonitor(Node):
         change = event.not_alive_count_change
         if not (change or event.alive_count_change):
             return False
-        self._inputs.publishers.note_liveliness(name, event.not_alive_count, change)
+        self._inputs.publishers[name].note_liveliness(event.not_alive_count, change)
         topic = self._scene.settings_of(name).topic
         self._health.count_event(topic, 'liveliness lost', max(change, 0))
         if change >= 0:
@@ -339,8 +339,9 @@ class FootprintMonitor(Node):
 
     def _look_around(self, now: int, steady: float) -> None:
         """Poll what gives no event: publishers, clock, middleware, kernels being compiled."""
-        for name, endpoints in self._inputs.publishers.news(self.loop.backlogs):
-            self._monitor.update_publishers(name, endpoints)
+        for name, publishers in self._inputs.publishers.items():
+            if (endpoints := publishers.news(name in self.loop.backlogs)) is not None:
+                self._monitor.update_publishers(name, endpoints)
         for name, fault in self._commands.follow():
             self._scene.note_command_fault(name, fault)
         for name, fault in self._paths.follow():

@@ -7,12 +7,9 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""The publishers of the topics subscribed to, and whether they can be received."""
+"""The publishers of a topic subscribed to, and whether they can be received."""
 
 from __future__ import annotations
-
-from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
 
 from rclpy.event_handler import QoSSubscriptionMatchedInfo
 from rclpy.node import Node
@@ -33,95 +30,83 @@ _MAX_MET = 1000
 
 
 class Publishers:
-    """Tracks the publishers of each input."""
+    """Tracks the publishers of an input."""
 
-    def __init__(self, node: Node, inputs: Sequence[Input]) -> None:
+    def __init__(self, node: Node, one: Input) -> None:
         self._node = node
-        self._inputs = inputs
+        self._input = one
         self._looks = 0
-        # By name of an input: the gids of publishers that have lost their liveliness, which the
-        # middleware still lists; how many it counts, if that is new; whether publishers may have
-        # changed; and those that `news` reported last.
-        self._dead: dict[str, set[str]] = {one.name: set() for one in inputs}
-        self._count_dead: dict[str, int] = {}
-        self.changed = {one.name for one in inputs}
-        self.reported: dict[str, list[Endpoint]] = {}
-        # By name of an input: how many publishers are matched with it; how many were matched since
-        # its subscription was made but not seen; and the gids of those seen since then.
-        self._matched: dict[str, int] = {}
-        self._unseen: Counter[str] = Counter()
-        self._receivable: dict[str, set[str]] = {}
-        self._met: dict[str, set[str]] = {one.name: set() for one in inputs}
-        self._counts: dict[str, int] = {}
-        self._seen: dict[str, list[Endpoint]] = {}
-        # By name: the gids of all publishers, those that died included, in the order first seen.
-        self._order: dict[str, list[str]] = {}
+        # Whether publishers may have changed, and those that were reported last.
+        self.changed = True
+        self.reported: list[Endpoint] | None = None
+        # By the last look: how many there are; those that live; and the gids of all, in the order
+        # first seen, of those that can be received, and of those that have lost their liveliness,
+        # which the middleware still lists. It counts these, see `note_liveliness`.
+        self._count: int | None = None
+        self._seen: list[Endpoint] = []
+        self._order: list[str] = []
+        self._receivable: set[str] = set()
+        self._dead: set[str] = set()
+        self._count_dead: int | None = None
+        # Since the subscription was made: how many are matched with it, how many were matched but
+        # not seen, and the gids of those seen.
+        self._matched: int | None = None
+        self._unseen = 0
+        self._met: set[str] = set()
 
-    def note_matched(self, name: str, event: QoSSubscriptionMatchedInfo) -> None:
-        """Record how many publishers are matched with the subscription of an input."""
-        self.changed.add(name)
-        self._matched[name] = event.current_count
-        self._unseen[name] += event.total_count_change
+    def note_matched(self, event: QoSSubscriptionMatchedInfo) -> None:
+        """Record how many publishers are matched with the subscription."""
+        self.changed = True
+        self._matched = event.current_count
+        self._unseen += event.total_count_change
 
-    def note_liveliness(self, name: str, count: int, change: int) -> None:
+    def note_liveliness(self, count: int, change: int) -> None:
         """
-        Record how many publishers of an input have lost their liveliness, if that has changed.
+        Record how many publishers have lost their liveliness, if that has changed.
 
         Without a change the count may be wrong: after a subscription was made anew, Fast DDS
         still counts a publisher that has gone.
         """
-        self.changed.add(name)
+        self.changed = True
         if change:
-            self._count_dead[name] = max(count, 0)  # Fast DDS may count to -1
+            self._count_dead = max(count, 0)  # Fast DDS may count to -1
 
-    def forget_matched(self, name: str) -> None:
-        """Reset the matched publishers of an input, which has a new subscription."""
-        self.changed.add(name)
-        self._matched.pop(name, None)
-        self._unseen[name] = 0
-        self._met[name] = set()
+    def forget_matched(self) -> None:
+        """Reset the matched publishers: the input has a new subscription."""
+        self.changed = True
+        self._matched, self._unseen, self._met = None, 0, set()
 
-    def lists_dead(self, name: str) -> bool:
-        """Return whether publishers of an input are listed that have lost their liveliness."""
-        return not self._dead[name].isdisjoint(self._order.get(name, ()))
+    def lists_dead(self) -> bool:
+        """Return whether publishers are listed that have lost their liveliness."""
+        return not self._dead.isdisjoint(self._order)
 
-    def news(self, behind: Iterable[str]) -> Iterator[tuple[str, list[Endpoint]]]:
+    def news(self, is_behind: bool) -> list[Endpoint] | None:
         """
-        Yield the inputs whose publishers have changed since the last call, with the publishers.
+        Return the publishers if they have changed since the last call.
 
         That a publisher has gone is reported once all its messages are taken: not before the next
-        call, and not while the input is `behind`, with messages still queued.
+        call, and not while the input is behind, with messages still queued.
         """
         self._looks += 1
-        for one in self._inputs:
-            publishers = self._news_of(one, one.name in behind)
-            if publishers is not None:
-                yield one.name, publishers
+        return self._news(is_behind)
 
-    def at_beginning(self, name: str) -> list[Endpoint] | None:
-        """Return the publishers of an input whose stream begins, None if there is no news."""
-        for one in self._inputs:
-            if one.name == name:
-                self.changed.add(name)
-                return self._news_of(one, True)
-        return None
+    def at_beginning(self) -> list[Endpoint] | None:
+        """Return the publishers if they have changed, as the stream begins."""
+        self.changed = True
+        return self._news(True)
 
-    def _news_of(self, one: Input, is_behind: bool) -> list[Endpoint] | None:
-        """Return the publishers to report for an input, None if there is no news."""
-        name = one.name
-        reported = self.reported.get(name)
-        before = seen = self._seen.get(name, [])
+    def _news(self, is_behind: bool) -> list[Endpoint] | None:
+        reported = self.reported
+        before = seen = self._seen
         # By the handle, because the node would resolve the name of the topic each time.
-        count = self._node.handle.get_count_publishers(one.subscription.topic_name)
-        if name in self.changed or count != self._counts.get(name) or self._looks % _LOOKS == 0:
-            self._counts[name] = count
-            self.changed.discard(name)
-            seen = self._seen[name] = self._look(one)
-            if any(not endpoint.node for endpoint in seen):
-                self.changed.add(name)
+        count = self._node.handle.get_count_publishers(self._input.subscription.topic_name)
+        if self.changed or count != self._count or self._looks % _LOOKS == 0:
+            self._count = count
+            seen = self._seen = self._look()
+            self.changed = any(not endpoint.node for endpoint in seen)
         elif seen == reported:
             return None
-        if self._have_passed(name):
+        if self._have_passed():
             # One came and went between two looks: report a placeholder for it.
             seen = [*(reported or ()), Endpoint(f'look {self._looks}', _PASSED)]
         elif is_behind:
@@ -132,40 +117,38 @@ class Publishers:
             return None
         if seen == reported:
             return None
-        self.reported[name] = seen
+        self.reported = seen
         return seen
 
-    def _have_passed(self, name: str) -> bool:
+    def _have_passed(self) -> bool:
         """Return whether publishers were matched and have gone again without being seen."""
-        if len(self._receivable[name]) != self._matched.get(name):
+        if len(self._receivable) != self._matched:
             return False
-        met = self._met[name]
-        self._unseen[name] -= len(self._receivable[name] - met)
-        met |= self._receivable[name]
-        if len(met) > _MAX_MET:
-            met &= self._receivable[name]
-        have_passed = self._unseen[name] > 0
-        if have_passed:
-            self._unseen[name] = 0
-            self.changed.add(name)
-        return have_passed
+        self._unseen -= len(self._receivable - self._met)
+        self._met |= self._receivable
+        if len(self._met) > _MAX_MET:
+            self._met = {*self._receivable}
+        if self._unseen <= 0:
+            return False
+        self._unseen = 0
+        self.changed = True
+        return True
 
-    def _look(self, one: Input) -> list[Endpoint]:
+    def _look(self) -> list[Endpoint]:
         """Return the live publishers, in a stable order."""
-        infos = self._node.get_publishers_info_by_topic(one.topic)
-        known = self._order.get(one.name, [])
-        endpoints = [_endpoint(info, one) for info in infos]
-        endpoints.sort(key=lambda endpoint: (
-            known.index(endpoint.gid) if endpoint.gid in known else len(known)))
-        self._order[one.name] = [endpoint.gid for endpoint in endpoints]
+        infos = self._node.get_publishers_info_by_topic(self._input.topic)
+        endpoints = [_endpoint(info, self._input) for info in infos]
+        known = {gid: place for place, gid in enumerate(self._order)}
+        endpoints.sort(key=lambda endpoint: known.get(endpoint.gid, len(known)))
+        self._order = [endpoint.gid for endpoint in endpoints]
         receivable = [endpoint.gid for endpoint in endpoints if not endpoint.problem]
-        self._receivable[one.name] = {*receivable}
-        if (count := self._count_dead.pop(one.name, None)) is not None:
+        self._receivable = {*receivable}
+        if self._count_dead is not None:
             # The middleware does not report which ones have died: assume the oldest.
-            self._dead[one.name] = {*receivable[:count]}
+            self._dead, self._count_dead = {*receivable[:self._count_dead]}, None
         return [endpoint for endpoint in endpoints if endpoint.problem] + [
             endpoint for endpoint in endpoints
-            if not endpoint.problem and endpoint.gid not in self._dead[one.name]]
+            if not endpoint.problem and endpoint.gid not in self._dead]
 
 
 def faults_of(node: Node, one: Input) -> list[str]:

@@ -115,7 +115,7 @@ class Subscriptions:
                                 self._depths.get(footprint.topic, _FOOTPRINT_DEPTH))
         for source in settings.obstacles:
             self._subscribe(source, _kind(source), self._depths[source.topic])
-        self.publishers = Publishers(node, self.inputs)
+        self.publishers = {one.name: Publishers(node, one) for one in self.inputs}
         if self._unsupported:
             events = ', '.join(sorted(self._unsupported))
             health.facts['events that the middleware lacks'] = events
@@ -142,7 +142,8 @@ class Subscriptions:
         """
         qos = one.subscription.qos_profile
         is_latched = qos.durability is QoSDurabilityPolicy.TRANSIENT_LOCAL
-        if is_latched and self.publishers.lists_dead(one.name):
+        publishers = self.publishers[one.name]
+        if is_latched and publishers.lists_dead():
             return False
         depth = max(one.depth, self._depths.get(one.subscription.topic_name, 0))
         is_deeper = depth > one.depth == qos.depth
@@ -153,7 +154,7 @@ class Subscriptions:
             qos.depth = depth
         self._node.destroy_subscription(one.subscription)
         one.subscription = self._create[one.name](qos)
-        self.publishers.forget_matched(one.name)
+        publishers.forget_matched()
         return True
 
     def _subscribe(self, source: FootprintSettings | ObstacleSettings, kind: type, depth: int,

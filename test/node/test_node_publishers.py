@@ -277,7 +277,7 @@ def test_kept_map_of_a_publisher_that_hangs_does_not_count_for_another(start, jo
     publish_map(peers[1], APART)
 
     def counted():
-        return [one.node for one in monitor.monitor._inputs.publishers.reported['map']]
+        return [one.node for one in monitor.monitor._inputs.publishers['map'].reported]
     monitor.until(lambda: counted() == ['/hangs', '/lives'])
     begun = len(monitor.states())
     monitor.until(lambda: counted() == ['/lives'])
@@ -327,11 +327,11 @@ def graph():
                            get_publishers_info_by_topic=lambda _: [*infos])
     subscription = SimpleNamespace(topic_name='/obstacles', qos_profile=QoSProfile(depth=1),
                                    msg_type=PolygonStamped)
-    publishers = Publishers(node, [Input('obstacle', subscription, topic='obstacles', depth=2)])
+    publishers = Publishers(node, Input('obstacle', subscription, topic='obstacles', depth=2))
 
-    def look(behind=()):
-        news = dict(publishers.news(behind))
-        return [endpoint.node for endpoint in news['obstacle']] if news else None
+    def look(is_behind=False):
+        news = publishers.news(is_behind)
+        return None if news is None else [endpoint.node for endpoint in news]
     return infos, look, publishers
 
 
@@ -349,7 +349,7 @@ def test_departure_is_reported_at_the_next_look(graph):
     del infos[0]
     assert [look(), look(), look()] == [None, ['/b'], None]
     del infos[0]
-    assert [look({'obstacle'}), look({'obstacle'}), look()] == [None, None, []]
+    assert [look(True), look(True), look()] == [None, None, []]
 
 
 def test_new_publisher_is_reported_at_once_beside_one_that_has_gone(graph):
@@ -358,7 +358,7 @@ def test_new_publisher_is_reported_at_once_beside_one_that_has_gone(graph):
     infos.append(info('a'))
     assert look() == ['/a']
     infos[:] = [info('b')]
-    assert [one.node for one in publishers.at_beginning('obstacle')] == ['/a', '/b']
+    assert [one.node for one in publishers.at_beginning()] == ['/a', '/b']
     assert look() == ['/b']
 
 
@@ -367,10 +367,10 @@ def test_lost_liveliness_is_that_of_a_publisher_which_is_still_there(graph):
     infos, look, publishers = graph
 
     def reported(count, change):
-        publishers.note_liveliness('obstacle', count, change)
+        publishers.note_liveliness(count, change)
         look()
         look()
-        return [one.node for one in publishers.reported['obstacle']]
+        return [one.node for one in publishers.reported]
     infos += [info('a'), info('b')]
     assert [reported(0, 0), reported(1, 1)] == [['/a', '/b'], ['/b']]
     assert reported(-1, -2) == ['/a', '/b']
@@ -387,6 +387,6 @@ def test_why_messages_may_be_lost_is_known(graph, qos, words):
     infos, look, publishers = graph
     infos.append(info('a'))
     infos[0].qos_profile = qos
-    publishers._inputs[0].subscription.qos_profile.reliability = qos.reliability
+    publishers._input.subscription.qos_profile.reliability = qos.reliability
     look()
-    assert publishers.reported['obstacle'][0].loss.startswith(words)
+    assert publishers.reported[0].loss.startswith(words)

@@ -367,10 +367,10 @@ class RunningMonitor(MonitorPeer):
         if topic == '/clock' and not (self.monitor.count_publishers(topic) and
                                       'publisher' not in self.monitor._scene._clock_fault):
             return False
-        reported = self.monitor._inputs.publishers.reported
+        publishers = self.monitor._inputs.publishers
         try:
             return super()._matches_publisher(topic) and all(
-                reported.get(one.name) for one in self.monitor._inputs.inputs
+                publishers[one.name].reported for one in self.monitor._inputs.inputs
                 if one.subscription.topic_name == topic)
         except InvalidHandle:
             # The node is creating the subscription again.

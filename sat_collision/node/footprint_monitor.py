@@ -237,7 +237,7 @@ class FootprintMonitor(Node):
         # Commands have the name of their footprint before a dot.
         if (footprint := name.partition('.')[0]) in self._scene.looking_ahead:
             self._looks_first.add(footprint)
-        if name in self._commands.without_stamps:
+        if self._commands.are_without_stamps(name):
             messages = [stamped(data) for data in messages]
         if rejections := self._monitor.receive_batch(name, messages, now, number, arrived):
             self._log(rejections)

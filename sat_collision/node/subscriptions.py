@@ -242,23 +242,30 @@ class _LateSubscriptions:
     def __init__(self, node: Node, inputs: list[Input]) -> None:
         self._node = node
         self._inputs = inputs
+        self._subscribed: dict[str, Input] = {}  # by name
 
     def _topic(self, name: str) -> str:
         # The settings have the remapped name, which must not be remapped again.
         return str(self._node.get_parameter(name).value)
 
     def _subscribe(self, settings: CommandSettings | PathSettings, kind: type,
-                   qos: QoSProfile) -> Input:
-        """Subscribe; RuntimeError if this process has a subscription of another type."""
-        one = Input(settings.name, self._node.create_subscription(
-            kind, self._topic(settings.name), unused, qos, raw=True))
+                   qos: QoSProfile) -> str:
+        """Subscribe, in place of a subscription before; return why that failed, or nothing."""
+        try:
+            one = Input(settings.name, self._node.create_subscription(
+                kind, self._topic(settings.name), unused, qos, raw=True))
+        except RuntimeError as error:  # as this process has one of another type
+            return str(error)
+        self._unsubscribe(settings.name)
+        self._subscribed[settings.name] = one
         self._inputs.append(one)
         self._node.get_logger().info(f'{settings.name}: {kind.__name__} on {settings.topic}')
-        return one
+        return ''
 
-    def _unsubscribe(self, one: Input) -> None:
-        self._inputs.remove(one)
-        self._node.destroy_subscription(one.subscription)
+    def _unsubscribe(self, name: str) -> None:
+        if one := self._subscribed.pop(name, None):
+            self._inputs.remove(one)
+            self._node.destroy_subscription(one.subscription)
 
 
 class PathSubscriptions(_LateSubscriptions):
@@ -271,8 +278,8 @@ class PathSubscriptions(_LateSubscriptions):
     def __init__(self, node: Node, settings: Settings, inputs: list[Input]) -> None:
         super().__init__(node, inputs)
         self._paths = [path for one in settings.footprints if (path := one.path_settings)]
-        # By name, and the publishers that there were then.
-        self._subscribed: dict[str, tuple[Input, set[tuple[int, ...]]]] = {}
+        # By name, the publishers that there were when it subscribed.
+        self._publishers: dict[str, set[tuple[int, ...]]] = {}
 
     def follow(self) -> Iterator[tuple[str, str]]:
         """Subscribe where that is due; yield each name and why no path can come, empty if not."""
@@ -280,23 +287,20 @@ class PathSubscriptions(_LateSubscriptions):
             yield settings.name, self._follow(settings)
 
     def _follow(self, settings: PathSettings) -> str:
-        found = self._node.get_publishers_info_by_topic(self._topic(settings.name))
+        name = settings.name
+        found = self._node.get_publishers_info_by_topic(self._topic(name))
         publishers = {tuple(one.endpoint_gid) for one in found if one.topic_type == _PATH_TYPE}
         if not publishers:
             others = ', '.join(sorted({one.topic_type for one in found}))
             return f'it is published as {others}' if others else 'it has no publisher'
-        one, before = self._subscribed.get(settings.name, (None, set()))
+        one, before = self._subscribed.get(name), self._publishers.get(name, set())
         # Where one is not heard, what all offer is less than what those of before did.
         if publishers.isdisjoint(before) or one and not publishers <= before and (
                 one.subscription.get_publisher_count() < len(publishers)):
             from nav_msgs.msg import Path
-            try:
-                self._subscribed[settings.name] = (
-                    self._subscribe(settings, Path, _PATH_QOS), publishers)
-            except RuntimeError as error:
-                return str(error)
-            if one:
-                self._unsubscribe(one)
+            if fault := self._subscribe(settings, Path, _PATH_QOS):
+                return fault
+            self._publishers[name] = publishers
         return ''
 
 
@@ -316,11 +320,8 @@ class CommandSubscriptions(_LateSubscriptions):
     def __init__(self, node: Node, settings: Settings, inputs: list[Input]) -> None:
         super().__init__(node, inputs)
         self._commands = {one.name: one.command for one in settings.footprints if one.command}
-        self._subscribed: dict[str, Input] = {}
         # Why no command can come to a footprint, by its name; empty if one can.
         self.faults: dict[str, str] = {}
-        # Names of inputs whose messages are of type Twist, without a header.
-        self.without_stamps: set[str] = set()
 
     def follow(self) -> Iterator[tuple[str, str]]:
         """
@@ -346,15 +347,13 @@ class CommandSubscriptions(_LateSubscriptions):
                     f'command has to be {" or ".join(_COMMAND_TYPES)}' if published
                     else _unpublished(command))
         if one and one.subscription.msg_type not in map(_COMMAND_TYPES.get, types):
-            del self._subscribed[command.name]
-            self.without_stamps.discard(command.name)
-            self._unsubscribe(one)
-        elif not one:
-            kind = _COMMAND_TYPES[min(types)]
-            try:
-                self._subscribed[command.name] = self._subscribe(command, kind, _COMMAND_QOS)
-            except RuntimeError as error:
-                return f'{command.topic}: {error}'
-            if kind is Twist:
-                self.without_stamps.add(command.name)
+            self._unsubscribe(command.name)
+        elif not one and (fault := self._subscribe(command, _COMMAND_TYPES[min(types)],
+                                                   _COMMAND_QOS)):
+            return f'{command.topic}: {fault}'
         return ''
+
+    def are_without_stamps(self, name: str) -> bool:
+        """Return whether messages of an input are of type Twist, without a header."""
+        one = self._subscribed.get(name)
+        return one is not None and one.subscription.msg_type is Twist

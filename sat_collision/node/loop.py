@@ -20,6 +20,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
+from itertools import chain
 import math
 import time
 from typing import Any, NamedTuple, Protocol
@@ -200,9 +201,7 @@ class Loop:
         self._read_at = 0.0
         self._next_tick = 0.0
         self._next_first = 0.0
-        self._taken = 0
-        # How many of these could end a rest, and whether they are few enough to do so.
-        self._taken_at_once = 0
+        # Whether few enough messages come that end a rest.
         self._rest_may_end = True
         self._counted_since = time.monotonic()
 
@@ -241,14 +240,11 @@ class Loop:
             waiting = [topic for topic in topics
                        if late >= 0.0 or ready is None or topic.pointer in ready]
             for topic in waiting:
-                count = (topic.take_batch(1, self._present) if are_alone else topic.take(
+                taken += (topic.take_batch(1, self._present) if are_alone else topic.take(
                     _LONGEST_TURN / 2 / len(waiting), self._present, between))
-                taken += count
-                self._taken_at_once += count if topic.ends_rest else 0
             if taken > before:
                 now = self._end_batch(taken - before, since)
             between = self._take_first
-        self._taken += taken
         wait_set.take_others(ready)
         wait_set.answer_calls()
         if late >= 0.0:
@@ -290,13 +286,7 @@ class Loop:
         begun = time.monotonic()
         if begun < self._next_first:
             return self._present
-        taken = 0
-        for topic in self._topics[0]:
-            count = topic.take_batch(1, self._present)
-            taken += count
-            self._taken_at_once += count if topic.ends_rest else 0
-        if taken:
-            self._taken += taken
+        if taken := sum(topic.take_batch(1, self._present) for topic in self._topics[0]):
             self._end_batch(taken, begun)
         ended = time.monotonic()
         self._next_first = ended + (ended - begun)
@@ -332,10 +322,13 @@ class Loop:
         """Choose whether to rest between turns, by the rate of messages since the last choice."""
         delay = self._max_batch_delay()
         rests = max(now - self._counted_since, 1e-9) / delay if delay else math.inf
-        many = self._taken > _FEW and self._taken >= _WORTH_A_REST * rests
-        self._rest = delay if many else 0.0
-        self._rest_may_end = self._taken_at_once < _TOO_OFTEN * rests
-        self._taken = self._taken_at_once = 0
+        taken = ending_rest = 0
+        for topic in chain(*self._topics):
+            taken += topic.count
+            ending_rest += topic.count if topic.ends_rest else 0
+            topic.count = 0
+        self._rest = delay if taken > _FEW and taken >= _WORTH_A_REST * rests else 0.0
+        self._rest_may_end = ending_rest < _TOO_OFTEN * rests
         self._counted_since = now
 
 
@@ -360,6 +353,7 @@ class _Topic:
         self._next: tuple[bytes, dict[str, Any]] | None = None
         self._arrived = 0  # when the first message of the last batch came
         self._is_empty = True
+        self.count = 0  # of messages since rests were chosen last
         self._limit = _FEWEST_TOGETHER
 
     def take(self, budget: float, now: int, between: Callable[[], int] | None = None) -> int:
@@ -423,6 +417,7 @@ class _Topic:
                 self._receiver.receive_mixed(self.name, batch, now, arrived)
             else:
                 self._receiver.receive(self.name, batch, now, first, arrived)
+        self.count += len(batch)
         return len(batch)
 
     def _arrival(self, now: int) -> int:

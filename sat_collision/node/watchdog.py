@@ -67,7 +67,6 @@ class Watchdog:
         return was_stalled
 
     def close(self) -> None:
-        """Stop the thread."""
         with self._changed:
             self._closed = True
             self._changed.notify()
@@ -104,7 +103,7 @@ class Systemd:
         # Twice as often as asked for, as sd_watchdog_enabled(3) recommends.
         self._period = int(os.environ.get('WATCHDOG_USEC', 0)) / 2e6
         self._ready = False
-        self._next = 0.0
+        self._alive = Every(self._period)
 
     def turned(self) -> None:
         """Notify that the node is ready, at the first call; then, when due, that it is alive."""
@@ -112,8 +111,7 @@ class Systemd:
             return
         now = time.monotonic()
         self._ready = self._ready or self._say('READY=1')
-        if self._period and now >= self._next:
-            self._next = now + self._period
+        if self._period and self._alive.due(now):
             self._say('WATCHDOG=1')
 
     def ends(self) -> None:

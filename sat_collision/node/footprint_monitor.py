@@ -131,7 +131,8 @@ class FootprintMonitor(Node):
         self._outputs = Outputs(self, settings, self._scene, flag_qos(),
                                 self._preparation.is_complete())
         self._health = Health(self, {'kernel': KERNEL, 'middleware': middleware,
-                                     'problem of kernels': kernel_problem() or 'none'})
+                                     'problem of kernels': kernel_problem() or 'none'},
+                              parameters.changes)
         self._logged: dict[tuple[str, str], float] = {}
         self._inputs = Subscriptions(self, settings, self._health, self.note_matched,
                                      self.note_liveliness)
@@ -156,7 +157,7 @@ class FootprintMonitor(Node):
         self._commands = CommandSubscriptions(self, settings, inputs)
         self._paths = PathSubscriptions(self, settings, inputs)
         self.loop = Loop(self, inputs, self, lambda: self._scene.settings.max_batch_delay)
-        parameters.on_change(self._configure, self._health.note_change)
+        parameters.on_change(self._configure)
 
     def create_publisher(self, *args: Any, **options: Any) -> Any:
         """Create a publisher whose failures are logged and counted, and do not end the node."""

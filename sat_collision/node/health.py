@@ -35,15 +35,17 @@ class Health:
     """
     Publishes /diagnostics: messages received and rejected, the time per check, and the states.
 
-    `facts` are values that stay the same while the node runs, such as the kernel in use.
+    `facts` are values that stay the same while the node runs, such as the kernel in use;
+    `changes` are those of parameters until now.
     """
 
-    def __init__(self, node: Node, facts: dict[str, str]) -> None:
+    def __init__(self, node: Node, facts: dict[str, str], changes: Mapping[str, str]) -> None:
         self._node = node
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         name = node.get_fully_qualified_name()
         self._status = DiagnosticStatus(name=f'{name}: health', hardware_id=name)
         self.facts = facts
+        self._changes = changes
         self._events: Counter[tuple[str, str]] = Counter()
         # What had been counted by the last message, see `_growth`.
         self._totals: Counter[object] = Counter()
@@ -54,10 +56,6 @@ class Health:
         self._longest = 0.0
         self._stalls = 0
         self._longest_stall = 0.0
-        self._changes: dict[str, str] = {}
-
-    def note_change(self, name: str, old: object, new: object) -> None:
-        self._changes[name] = f'from {old} to {new}'
 
     def count_stall(self, seconds: float) -> None:
         self._stalls += 1

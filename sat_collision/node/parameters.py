@@ -43,8 +43,9 @@ class Parameters:
         self._node = node
         self._specs: dict[str, Spec] = {}
         self._on_change: Callable[[Settings], None] | None = None
-        self._note: Callable[[str, Any, Any], None] | None = None
         self._values: dict[str, Any] = {}
+        # By the name of a parameter that was changed: from what to what, in words.
+        self.changes: dict[str, str] = {}
         node.add_on_set_parameters_callback(self._validate)
         # Overrides for this node, from parameter files and the command line.
         self._given: dict[str, Parameter] = node._parameter_overrides
@@ -56,15 +57,9 @@ class Parameters:
             if answer := _ANSWERS.get(service.srv_type):
                 service.callback = partial(answer, service.callback)
 
-    def on_change(self, callback: Callable[[Settings], None],
-                  note: Callable[[str, Any, Any], None] | None = None) -> None:
-        """
-        Call `callback(settings)` whenever parameters have been changed.
-
-        Before that, `note(name, old, new)` is called for each changed parameter.
-        """
+    def on_change(self, callback: Callable[[Settings], None]) -> None:
+        """Call `callback(settings)` whenever parameters have been changed."""
         self._on_change = callback
-        self._note = note
         self._values = {name: self._node.get_parameter(name).value
                         for name in (*self._specs, _USE_SIM_TIME)}
 
@@ -110,10 +105,8 @@ class Parameters:
             if name in self._values and parameter.value != self._values[name]:
                 old, new = map(_plain, (self._values[name], parameter.value))
                 self._values[name] = parameter.value
-                self._node.get_logger().warning(
-                    f'parameter {name} was changed from {old} to {new}')
-                if self._note:
-                    self._note(name, old, new)
+                self.changes[name] = change = f'from {old} to {new}'
+                self._node.get_logger().warning(f'parameter {name} was changed {change}')
         if any(parameter.name in self._specs for parameter in parameters):
             self.settings = self._read()
             self._on_change(self.settings)

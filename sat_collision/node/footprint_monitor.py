@@ -23,7 +23,7 @@ import rclpy
 from rclpy.clock import JumpThreshold, TimeJump
 from rclpy.context import Context
 from rclpy.duration import Duration
-from rclpy.event_handler import QoSLivelinessChangedInfo, QoSSubscriptionMatchedInfo
+from rclpy.event_handler import QoSSubscriptionMatchedInfo
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.logging import (
@@ -44,7 +44,7 @@ from sat_collision.messages.rejections import Rejection
 from sat_collision.messages.transform_listener import TRANSFORM_TOPICS
 from sat_collision.monitor import Monitor
 from sat_collision.node.health import Health
-from sat_collision.node.loop import Loop
+from sat_collision.node.loop import Loop, PublisherEvent
 from sat_collision.node.parameters import Parameters
 from sat_collision.node.publishers import faults_of
 from sat_collision.node.signals import Signalled
@@ -134,8 +134,7 @@ class FootprintMonitor(Node):
                                      'problem of kernels': kernel_problem() or 'none'},
                               parameters.changes)
         self._logged: dict[tuple[str, str], float] = {}
-        self._inputs = Subscriptions(self, settings, self._health, self.note_matched,
-                                     self.note_liveliness)
+        self._inputs = Subscriptions(self, settings, self._health, self.note_event)
         self._transform_inputs = subscribe_transforms(self, transforms) if transforms else []
         self._reports_unknown_at = time.monotonic() + _STARTED
         self._advised: set[str] = set()
@@ -251,30 +250,23 @@ class FootprintMonitor(Node):
     def change_publisher(self, name: str) -> None:
         self._monitor.interrupt(name)
 
-    def note_matched(self, name: str, event: QoSSubscriptionMatchedInfo) -> bool:
-        if not (event.total_count_change or event.current_count_change):
-            return False
-        self._inputs.publishers[name].note_matched(event)
-        if not event.total_count_change:
-            return False
-        self._begin_anew(name)
-        return True
-
-    def note_liveliness(self, name: str, event: QoSLivelinessChangedInfo) -> bool:
-        change = event.not_alive_count_change
-        if not (change or event.alive_count_change):
-            return False
-        self._inputs.publishers[name].note_liveliness(event.not_alive_count, change)
-        topic = self._scene.settings_of(name).topic
-        self._health.count_event(topic, 'liveliness lost', max(change, 0))
-        if change >= 0:
-            return False
-        self._begin_anew(name)
-        return True
-
-    def _begin_anew(self, name: str) -> None:
-        self.begin_stream(name)
-        self._monitor.interrupt(name)
+    def note_event(self, name: str, event: PublisherEvent) -> bool:
+        publishers = self._inputs.publishers[name]
+        is_new = False
+        if isinstance(event, QoSSubscriptionMatchedInfo):
+            if event.total_count_change or event.current_count_change:
+                publishers.note_matched(event)
+                is_new = event.total_count_change != 0
+        elif event.not_alive_count_change or event.alive_count_change:
+            change = event.not_alive_count_change
+            publishers.note_liveliness(event.not_alive_count, change)
+            topic = self._scene.settings_of(name).topic
+            self._health.count_event(topic, 'liveliness lost', max(change, 0))
+            is_new = change < 0
+        if is_new:
+            self.begin_stream(name)
+            self._monitor.interrupt(name)
+        return is_new
 
     def receive_mixed(self, name: str, messages: Sequence[bytes], now: int,
                       arrived: int) -> None:

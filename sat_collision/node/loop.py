@@ -16,14 +16,14 @@ Everything but the messages of its inputs goes to the callbacks of rclpy.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain
 import math
 import time
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 from rclpy.event_handler import QoSLivelinessChangedInfo, QoSSubscriptionMatchedInfo
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -55,7 +55,10 @@ _MAX_BYTES = 8192
 _NUMBER = 'publication_sequence_number'
 # And for that publisher, from Kilted on.
 _PUBLISHER = 'publisher_gid'
-QoSSubscriptionEventType = rclpy_implementation.rcl_subscription_event_type_t
+_MATCHED = rclpy_implementation.rcl_subscription_event_type_t.RCL_SUBSCRIPTION_MATCHED
+_LIVELINESS = (
+    rclpy_implementation.rcl_subscription_event_type_t.RCL_SUBSCRIPTION_LIVELINESS_CHANGED)
+PublisherEvent: TypeAlias = QoSSubscriptionMatchedInfo | QoSLivelinessChangedInfo
 
 
 class Backlog(NamedTuple):
@@ -83,15 +86,12 @@ class Receiver(Protocol):
     def change_publisher(self, name: str) -> None:
         """Record that the next message of an input is of another publisher than the last one."""
 
-    def note_matched(self, name: str, event: QoSSubscriptionMatchedInfo) -> bool:
+    def note_event(self, name: str, event: PublisherEvent) -> bool:
         """
-        Record how many publishers are matched with an input; return whether one came or went.
+        Record how many publishers are matched with an input, or live; return if one is new.
 
         Called before and after the messages of each batch are taken.
         """
-
-    def note_liveliness(self, name: str, event: QoSLivelinessChangedInfo) -> bool:
-        """Record how many publishers live, likewise; return whether one lives again."""
 
     def receive_mixed(self, name: str, messages: Sequence[bytes], now: int,
                       arrived: int) -> None:
@@ -141,21 +141,14 @@ class Input:
     topic: str = ''
     depth: int = 0
 
-    def matched(self) -> QoSSubscriptionMatchedInfo | None:
-        """Return how the matched publishers have changed since this was last read, if known."""
-        return self._status(QoSSubscriptionEventType.RCL_SUBSCRIPTION_MATCHED)
-
-    def liveliness(self) -> QoSLivelinessChangedInfo | None:
-        """Return how the liveliness of publishers has changed since this was last read."""
-        return self._status(QoSSubscriptionEventType.RCL_SUBSCRIPTION_LIVELINESS_CHANGED)
-
-    def _status(self, kind: Any) -> Any:
+    def events(self, kinds: Sequence[Any]) -> Iterator[PublisherEvent]:
+        """Yield the events of some kinds, with what has changed since they were last read."""
         for handler in self.subscription.event_handlers:
-            if handler.event_type == kind:
+            if handler.event_type in kinds:
                 # Its status can be read at any time, not only when a wait set reports it.
                 handler._ready_to_take_data = True
-                return handler.take_data()
-        return None
+                if (event := handler.take_data()) is not None:
+                    yield event
 
 
 def unused(_: bytes) -> None:
@@ -341,10 +334,9 @@ class _Topic:
         self.ends_rest = one.ends_rest
         self.name = one.name
         self._receiver = receiver
-        self._matched = one.matched
-        # Without a lease none can be lost.
+        # Without a lease no liveliness can be lost.
         has_lease = one.subscription.qos_profile.liveliness_lease_duration.nanoseconds > 0
-        self._liveliness = one.liveliness if has_lease else None
+        self._events = partial(one.events, (_MATCHED, _LIVELINESS) if has_lease else (_MATCHED,))
         self._publisher: object = None
         self._depth = one.subscription.qos_profile.depth
         self._take: Callable[[], tuple[bytes, dict[str, Any]] | None] = partial(
@@ -435,10 +427,9 @@ class _Topic:
 
     def _has_new_publisher(self) -> bool:
         """Return whether a publisher was matched, or lives again, since this was last called."""
-        event = self._matched()
-        is_new = event is not None and self._receiver.note_matched(self.name, event)
-        if self._liveliness and (change := self._liveliness()):
-            is_new |= self._receiver.note_liveliness(self.name, change)
+        is_new = False
+        for event in self._events():
+            is_new |= self._receiver.note_event(self.name, event)
         return is_new
 
     def _backlog(self, count: int) -> Backlog:

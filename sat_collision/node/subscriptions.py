@@ -13,13 +13,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import Any, TypeAlias
+from typing import Any
 
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped, Twist, TwistStamped
 from rclpy.event_handler import (
-    EventHandler, QoSLivelinessChangedInfo, QoSRequestedDeadlineMissedInfo,
-    QoSRequestedIncompatibleQoSInfo, QoSSubscriptionMatchedInfo, SubscriptionEventCallbacks,
-    UnsupportedEventTypeError)
+    EventHandler, QoSRequestedDeadlineMissedInfo, QoSRequestedIncompatibleQoSInfo,
+    SubscriptionEventCallbacks, UnsupportedEventTypeError)
 from rclpy.node import Node
 from rclpy.qos import (
     qos_policy_name_from_kind, QoSDurabilityPolicy, QoSPolicyKind, QoSProfile,
@@ -29,7 +28,7 @@ from rclpy.subscription import Subscription
 from rclpy.utilities import get_rmw_implementation_identifier
 from sat_collision.messages.transform_listener import TF_STATIC
 from sat_collision.node.health import Health
-from sat_collision.node.loop import Input, unused
+from sat_collision.node.loop import Input, PublisherEvent, unused
 from sat_collision.node.publishers import Publishers
 from sat_collision.scene.parameters import ParameterError
 from sat_collision.scene.settings import (
@@ -58,10 +57,6 @@ _PATH_TYPE = 'nav_msgs/msg/Path'
 # Only the last path counts.
 _PATH_QOS = QoSProfile(depth=1, reliability=QoSReliabilityPolicy.BEST_AVAILABLE,
                        durability=QoSDurabilityPolicy.BEST_AVAILABLE)
-
-# These take the name of an input and how its publishers have changed.
-NoteMatched: TypeAlias = Callable[[str, QoSSubscriptionMatchedInfo], object]
-NoteLiveliness: TypeAlias = Callable[[str, QoSLivelinessChangedInfo], object]
 
 
 class _SupportedEvents(SubscriptionEventCallbacks):  # type: ignore[misc]
@@ -96,11 +91,10 @@ class Subscriptions:
     """
 
     def __init__(self, node: Node, settings: Settings, health: Health,
-                 note_matched: NoteMatched, note_liveliness: NoteLiveliness) -> None:
+                 note_event: Callable[[str, PublisherEvent], object]) -> None:
         self._node = node
         self._health = health
-        self._note_matched = note_matched
-        self._note_liveliness = note_liveliness
+        self._note_event = note_event
         self._unsupported: set[str] = set()
         self.inputs: list[Input] = []
         # These take the QoS.
@@ -163,8 +157,8 @@ class Subscriptions:
             self._unsupported,
             incompatible_qos=partial(self._report_incompatible_qos, source.topic),
             deadline=partial(self._count_missed_deadlines, source.topic),
-            liveliness=partial(self._note_liveliness, source.name),
-            matched=partial(self._note_matched, source.name))
+            matched=partial(self._note_event, source.name),
+            liveliness=partial(self._note_event, source.name))
         # The settings have the remapped name, which must not be remapped again.
         topic = self._node.get_parameter(f'{source.name}.{parameter}').value
         self._create[source.name] = create = partial(

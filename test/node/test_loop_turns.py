@@ -76,7 +76,7 @@ class Recorder:
         return self.ticked + (
             30.0 if self.ticks > self.often else 10.0 if is_put_off else 0.05)
 
-    def note_matched(self, name, event):
+    def note_event(self, name, event):
         return False
 
     def present(self, steady):
@@ -283,20 +283,21 @@ def test_stop_is_not_delayed_by_a_flood(peer, looped):
     assert 0 < receiver.names.count('flood') < 50
 
 
-def topic(handle, receiver, events=(), depth=2000, status='matched', backlogs=None):
+def topic(handle, receiver, events=(), depth=2000, status=loop._MATCHED, backlogs=None):
     """Return a topic with a status that gives some events, then none."""
-    subscription = SimpleNamespace(handle=handle, msg_type=PolygonStamped, qos_profile=QoSProfile(
-        depth=depth, liveliness_lease_duration=Duration(seconds=status == 'liveliness')))
     events = iter(events)
-    return loop._Topic(SimpleNamespace(
-        name='flood', subscription=subscription, ends_rest=False,
-        **{'matched': lambda: None, status: lambda: next(events, None)}), receiver, backlogs)
+    handler = SimpleNamespace(event_type=status, take_data=lambda: next(events, None))
+    subscription = SimpleNamespace(
+        handle=handle, msg_type=PolygonStamped, event_handlers=[handler], qos_profile=QoSProfile(
+            depth=depth, liveliness_lease_duration=Duration(seconds=status != loop._MATCHED)))
+    return loop._Topic(loop.Input('flood', subscription), receiver, backlogs)
 
 
 @pytest.mark.parametrize('events, expected', [
     ((None, None), ['receive']), (('came', None), ['came', 'receive']),
     ((None, 'came'), ['came', 'receive_mixed'])])
-@pytest.mark.parametrize('status', ['matched', 'liveliness'])
+@pytest.mark.parametrize('status', [loop._MATCHED, loop._LIVELINESS],
+                         ids=['matched', 'liveliness'])
 def test_batch_during_which_a_publisher_came_may_be_of_any(events, expected, status):
     """
     One that came before the batch did not send it before that was known.
@@ -308,7 +309,7 @@ def test_batch_during_which_a_publisher_came_may_be_of_any(events, expected, sta
     receiver = SimpleNamespace(
         receive=lambda *_: calls.append('receive'),
         receive_mixed=lambda *_: calls.append('receive_mixed'),
-        **{f'note_{status}': lambda _, event: calls.append(event) or True})
+        note_event=lambda _, event: calls.append(event) or True)
     handle = SimpleNamespace(pointer=1, take_message=lambda *_: queue and queue.pop() or None)
     assert topic(handle, receiver, events, status=status).take_batch(4, 0) == 1
     assert calls == expected

@@ -74,27 +74,6 @@ class Health:
     def publish(self, monitor: Monitor, backlogs: Mapping[str, Backlog],
                 states: Iterable[DiagnosticStatus], faults: Iterable[str]) -> None:
         """Publish states of footprints, figures since the last message, and faults of /tf."""
-        self._write(monitor, backlogs, faults)
-        self._send([self._status, *states])
-
-    def publish_stall(self, reason: str, states: Iterable[DiagnosticStatus]) -> None:
-        """Publish that the node is stalled; may be called from another thread."""
-        status = DiagnosticStatus(name=self._status.name, hardware_id=self._status.hardware_id,
-                                  level=DiagnosticStatus.ERROR, message=reason)
-        self._send([status, *states])
-
-    def _send(self, statuses: list[DiagnosticStatus]) -> None:
-        message = DiagnosticArray(status=statuses)
-        message.header.stamp = self._node.get_clock().now().to_msg()
-        self._publisher.publish(message)
-
-    def _growth(self, what: object, total: int) -> int:
-        """Return by how much a total has grown since the last message."""
-        before, self._totals[what] = self._totals[what], total
-        return total - before
-
-    def _write(self, monitor: Monitor, backlogs: Mapping[str, Backlog],
-               faults: Iterable[str]) -> None:
         now = time.monotonic()
         period = now - self._begun
         transforms = monitor.transforms
@@ -157,3 +136,20 @@ class Health:
         self._status.message = '; '.join(problems) or 'running'
         self._begun = now
         self._messages, self._seconds, self._longest = 0, 0.0, 0.0
+        self._send([self._status, *states])
+
+    def publish_stall(self, reason: str, states: Iterable[DiagnosticStatus]) -> None:
+        """Publish that the node is stalled; may be called from another thread."""
+        status = DiagnosticStatus(name=self._status.name, hardware_id=self._status.hardware_id,
+                                  level=DiagnosticStatus.ERROR, message=reason)
+        self._send([status, *states])
+
+    def _send(self, statuses: list[DiagnosticStatus]) -> None:
+        message = DiagnosticArray(status=statuses)
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(message)
+
+    def _growth(self, what: object, total: int) -> int:
+        """Return by how much a total has grown since the last message."""
+        before, self._totals[what] = self._totals[what], total
+        return total - before

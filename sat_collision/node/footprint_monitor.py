@@ -458,11 +458,9 @@ class FootprintMonitor(Node):
     def _publish_changes(self) -> None:
         """Publish the flags that have changed at once, and figures after further messages."""
         changed, brief = self._scene.take_changes()
-        if changed:
+        if changed or brief:
             self._outputs.update(changed)
-        if brief:
             self._outputs.publish_rise(brief)
-        if brief or changed:
             self._outputs.publish_flags({*brief, *changed})
             self._figures_due.update(brief, changed)
 

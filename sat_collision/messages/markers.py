@@ -30,8 +30,6 @@ from sat_collision.scene.path import PathCheck
 from sat_collision.scene.prediction import Prediction
 from sat_collision.scene.scene import Scene
 
-# Least x and y, greatest x and y.
-Box: TypeAlias = tuple[float, float, float, float]
 _Colour: TypeAlias = tuple[float, ...]
 
 _GREEN = (0.1, 0.7, 0.2)
@@ -145,7 +143,7 @@ class Markers:
         for name, state in states.items():
             self._name(name, state, scene.settings.margin)
         if not are_all:
-            self._write('limit/text', _AMBER, next(iter(self._shapes.values())).polygon.bounds,
+            self._write('limit/text', _AMBER, next(iter(self._shapes.values())).polygon.vertices,
                         f'the {len(nearest)} nearest obstacles are drawn')
         self._draw_contacts(contacts)
         return MarkerArray(markers=self._markers)
@@ -180,7 +178,7 @@ class Markers:
             text += f': {in_words(state, margin)}'
         elif state.status is not Status.CLEAR:
             text += f': {state.status.value}'
-        self._write(f'{name}/name', _COLOURS[state.status], self._footprints[name].bounds, text)
+        self._write(f'{name}/name', _COLOURS[state.status], self._footprints[name].vertices, text)
 
     def _draw_contacts(self, contacts: Iterable[tuple[ObstacleId, Polygon, Polygon]]) -> None:
         pairs = [(own, other) for _, own, other in affordable(contacts)]
@@ -209,8 +207,7 @@ class Markers:
         axis = np.array([ends[0] - beyond, ends[1] + beyond])
         self._add('nearest/axis', _OF_PAIRS, _AXIS, _AMBER, _points(axis))
         self._add('nearest/points', _OF_PAIRS, _CLOSEST, _AMBER, _points(ends))
-        self._write('nearest/distance', _AMBER, (*ends.min(0).tolist(), *ends.max(0).tolist()),
-                    f'{name} - {obstacle}: {distance:.3g} m')
+        self._write('nearest/distance', _AMBER, ends, f'{name} - {obstacle}: {distance:.3g} m')
 
     def _draw_ahead(self, name: str, prediction: Prediction | None) -> None:
         """Draw a footprint on its way to a predicted contact, and the time until then."""
@@ -223,8 +220,7 @@ class Markers:
             for k in range(1, _PLACES_AHEAD + 1)])
         self._add(f'{name}/ahead', 0, _OUTLINE, _AMBER,
                   _points(np.stack([rings, np.roll(rings, -1, 1)], 2).reshape(-1, 2)))
-        self._write(f'{name}/time', _AMBER, (*rings[-1].min(0).tolist(),
-                                             *rings[-1].max(0).tolist()),
+        self._write(f'{name}/time', _AMBER, rings[-1],
                     f'{name} - {prediction.obstacle}: {prediction.seconds:.1f} s')
 
     def _draw_path(self, name: str, found: PathCheck | None) -> None:
@@ -245,10 +241,11 @@ class Markers:
         marker.scale.x = marker.scale.y = marker.scale.z = style.size
         marker.points = points
 
-    def _write(self, ns: str, colour: _Colour, box: Box, text: str) -> None:
-        """Write a text above what is in a box."""
+    def _write(self, ns: str, colour: _Colour, points: Ring, text: str) -> None:
+        """Write a text above some points."""
         marker = self._marker(ns, 0, Marker.TEXT_VIEW_FACING, colour)
-        min_x, _, max_x, max_y = box
+        min_x, _ = points.min(0).tolist()
+        max_x, max_y = points.max(0).tolist()
         marker.pose.position = Point(x=0.5 * (min_x + max_x), y=max_y + 0.8 * _TEXT, z=_TEXT)
         marker.scale.z = _TEXT
         marker.text = text

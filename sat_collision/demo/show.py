@@ -28,13 +28,13 @@ import signal
 import subprocess
 import sys
 import time
-from typing import NamedTuple, TYPE_CHECKING
+from typing import NamedTuple
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Point32, PolygonStamped
 from matplotlib.animation import PillowWriter
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
@@ -48,9 +48,6 @@ from rclpy.signals import SignalHandlerOptions
 from sat_collision.demo import warehouse
 from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 if find_spec('polygon_msgs'):
     from polygon_msgs.msg import Point2D, Polygon2D, Polygon2DCollection as ObstacleMessage
@@ -324,7 +321,6 @@ def _draw(frames: Sequence[_Frame], picture: str, movie: str) -> bool:
     if first is None:
         return False
     figure = Figure(figsize=(9.0, 5.0))
-    FigureCanvasAgg(figure)
     _draw_frame(first, figure)
     figure.savefig(picture, dpi=120)
     print(f'wrote {picture}', flush=True)

@@ -104,8 +104,6 @@ class Publishers:
             self._count = count
             seen = self._seen = self._look()
             self.changed = any(not endpoint.node for endpoint in seen)
-        elif seen == reported:
-            return None
         if self._have_passed():
             # One came and went between two looks: report a placeholder for it.
             seen = [*(reported or ()), Endpoint(f'look {self._looks}', _PASSED)]

@@ -35,7 +35,7 @@ from sat_collision.node.wait_set import WaitSet
 # last footprint and half for the others, shared evenly among those that may have some. Processing
 # of a message is never interrupted.
 _LONGEST_TURN = 0.01
-# After a longer time, in s, the clock is read again before anything is published.
+# After a longer time, in s, the clock is read again before a batch's changes are published.
 _LONG_TURN = 0.02
 # With at least this many messages per rest, a rest costs less than the wake-ups it saves.
 _WORTH_A_REST = 2.0
@@ -121,7 +121,7 @@ class Receiver(Protocol):
         Return the present time in ns by the clock of the header stamps.
 
         `steady` is what the steady clock reads, in s. Called before the messages of each turn,
-        and after those that took long.
+        after those that took long, and before a tick.
         """
 
 
@@ -241,7 +241,7 @@ class Loop:
         wait_set.take_others(ready)
         wait_set.answer_calls()
         if late >= 0.0:
-            self._read_clock_again(time.monotonic())
+            self._read_clock(time.monotonic())
             self._receiver.tick(self._present)
             self._choose_rest(time.monotonic())
             self._looks_at_others = True
@@ -256,16 +256,13 @@ class Loop:
         self._read_at = steady
         self._present = self._receiver.present(steady)
 
-    def _read_clock_again(self, steady: float) -> None:
-        """Let time pass if much has passed: what was true then must not be published now."""
-        if steady - self._read_at > _LONG_TURN:
-            self._read_clock(steady)
-            self._receiver.advance(self._present)
-
     def _end_batch(self, messages: int, since: float) -> float:
         """Have published what messages changed, taken since then; return when they were taken."""
         taken_at = time.monotonic()
-        self._read_clock_again(taken_at)
+        if taken_at - self._read_at > _LONG_TURN:
+            # What was true then must not be published now.
+            self._read_clock(taken_at)
+            self._receiver.advance(self._present)
         self._receiver.end_batch(messages, taken_at - since)
         return taken_at
 

@@ -198,9 +198,7 @@ class McapFile(Storage):
         where = f'damaged in the chunk at byte {chunk.where or chunk.at}: '
         if problem:
             faults.damaged(where + problem)
-        if problem and not times:
-            return times, channels
-        if chunk.announced not in (None, len(times)):
+        if chunk.announced not in (None, len(times)) and (times or not problem):
             faults.damaged(f'{where}{len(times)} messages, but its index has {chunk.announced}')
         if times and not (chunk.first <= min(times) and max(times) <= chunk.last):
             faults.damaged(f'{where}it has messages of another time than it announces')
@@ -316,7 +314,7 @@ class McapFile(Storage):
                 if kind in _OF_SUMMARY:
                     self._take(where, kind, size)
         except Damage as damage:
-            self._faults.damaged(f'damaged at its end: {damage}')
+            self._faults.damaged(f'damaged at its end: {damage.args[-1]}')
 
     def _walk_data(self) -> None:
         """Find the chunks; after a damaged place continue at the next indexed chunk."""
@@ -336,9 +334,10 @@ class McapFile(Storage):
                         self._faults.damaged('damaged at the end of its data, which is missing')
                 break
             except _Misplaced as damage:
-                self._faults.damaged(f'damaged at byte {damage.where}: {damage}')
-                lost.add(damage.where)
-                where = min((at for at in self._chunk_index if at > damage.where), default=0)
+                begin, words = damage.args
+                self._faults.damaged(f'damaged at byte {begin}: {words}')
+                lost.add(begin)
+                where = min((at for at in self._chunk_index if at > begin), default=0)
         found = {chunk.where: (chunk.first, chunk.last) for chunk in self._chunks}
         for where, times in self._chunk_index.items():
             if where not in lost and found.get(where) != times:
@@ -474,14 +473,7 @@ class _Pending:
 
 
 class _Misplaced(Damage):
-    """Damage after which the next record cannot be found."""
-
-    def __init__(self, where: int, words: str) -> None:
-        super().__init__(where, words)
-        self.where = where
-
-    def __str__(self) -> str:
-        return str(self.args[1])
+    """Damage after which the next record cannot be found: its position, and what is wrong."""
 
 
 def _text(content: bytes, at: int) -> tuple[str, int]:

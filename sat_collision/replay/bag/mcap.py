@@ -105,6 +105,7 @@ class McapFile(Storage):
             self._chunks.clear()
             faults.damaged(in_one_line(error))
             return
+        self.compressions = {chunk.compression for chunk in self._chunks} - {''}
         counts = self._statistics
         if counts is None or len(self._channels) < self._channel_count or any(
                 schema not in self._schemas for _, schema in self._channels.values()
@@ -122,11 +123,6 @@ class McapFile(Storage):
             self._extend(*(time for chunk in self._chunks
                            if chunk.first <= chunk.last and (chunk.last or chunk.announced != 0)
                            for time in (chunk.first, chunk.last)))
-
-    @property
-    def compressions(self) -> set[str]:
-        """How chunks are compressed."""
-        return {chunk.compression for chunk in self._chunks} - {''}
 
     def close(self) -> None:
         if self._file >= 0:

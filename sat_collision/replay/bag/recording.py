@@ -55,17 +55,14 @@ class Recording(Storage):
         self._metadata: Metadata | None = None
         self._parts: list[Storage] = []
         self._sums: Counter[str] = Counter()
-        self._compressions: set[str] = set()
 
     def __enter__(self) -> Recording:
         try:
-            if not self.path.exists():
-                self._faults.damaged('no such file or directory')
             files = self._find()
             known = list(self._all_faults)
             for file in files:
                 self._open(file)
-            if missing := why_not_unpacked(self._compressions):
+            if missing := why_not_unpacked(self.compressions):
                 self._all_faults[:] = known
                 self._open_by_rosbag2(missing)
         except OSError as error:
@@ -124,8 +121,10 @@ class Recording(Storage):
 
     def _find(self) -> list[Path]:
         """Return the storage files."""
+        if not self.path.exists():
+            raise FileNotFoundError('no such file or directory')
         if not self.path.is_dir():
-            return [self.path] if self.path.exists() else []
+            return [self.path]
         present = sorted(
             (file for file in self.path.iterdir() if file.name.endswith(_STORAGE)),
             key=lambda file: [int(part) if part.isdecimal() else part
@@ -152,7 +151,7 @@ class Recording(Storage):
         for topic, profiles in self._metadata.profiles:
             self._note_profiles(topic, profiles)
         if self._metadata.packed:
-            self._compressions.add('zstd')
+            self.compressions.add('zstd')
         total = sum(self._metadata.counts.values())
         if total != self._metadata.total:
             faults.differs('total', f'announces {self._metadata.total} messages in all, but '
@@ -175,32 +174,26 @@ class Recording(Storage):
         plain = file
         try:
             if file.suffix == '.zstd':
-                self._compressions.add('zstd')
+                self.compressions.add('zstd')
                 plain, damage = self._scratch.unpack(file)
                 if damage:
                     faults.damaged(in_one_line(damage))
             if not plain.is_file():
                 raise Damage('not a file')
             with plain.open('rb') as opened:
-                ros_1 = opened.read(len(_ROS_1)) == _ROS_1
+                if opened.read(len(_ROS_1)) == _ROS_1:
+                    raise Damage(f'a ROS 1 bag; convert it first: rosbags-convert --src {file} '
+                                 f'--dst {file.with_suffix("")}')
+            if plain.suffix not in ('.db3', '.mcap'):
+                raise Damage('neither a .mcap nor a .db3 file')
         except (Damage, OSError) as error:
             faults.damaged(in_one_line(error))
             return
-        if ros_1:
-            faults.damaged(f'a ROS 1 bag; convert it first: rosbags-convert --src {file} '
-                           f'--dst {file.with_suffix("")}')
-            return
-        if plain.suffix == '.db3':
-            self._add(SqliteFile(plain, faults, self._scratch, self._limits))
-        elif plain.suffix == '.mcap':
-            part = McapFile(plain, faults, self._limits)
-            self._compressions |= part.compressions
-            self._add(part)
-        else:
-            faults.damaged('neither a .mcap nor a .db3 file')
-            return
+        part = (McapFile(plain, faults, self._limits) if plain.suffix == '.mcap' else
+                SqliteFile(plain, faults, self._scratch, self._limits))
+        self._add(part)
         if self._metadata:
-            _compare_times(faults, self._parts[-1],
+            _compare_times(faults, part,
                            self._metadata.files_spans.get(file.name.removesuffix('.zstd')))
 
     def _open_by_rosbag2(self, missing: str) -> None:
@@ -221,6 +214,7 @@ class Recording(Storage):
         for topic, kind in part.topics.items():
             self._add_topic(topic, kind)
         self.counts.update(part.counts)
+        self.compressions |= part.compressions
         self._extend(part.start, part.end)
         for topic, profiles in part.profiles:
             if len(profiles) <= self._limits.metadata:

@@ -115,6 +115,7 @@ class Storage:
         self.counts: Counter[str] = Counter()  # numbers of messages by topic
         # QoS profiles of publishers, in YAML: (topic, profiles).
         self.profiles: set[tuple[str, str]] = set()
+        self.compressions: set[str] = set()
         self.start: int | None = None  # times of the first and the last message
         self.end: int | None = None
         self._faults = faults

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 import enum
-from heapq import merge
+from operator import itemgetter
 from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 from sat_collision.extras import in_one_line
@@ -389,9 +389,7 @@ class Series:
     def add(self, time: int, value: float | None) -> None:
         samples = self.samples
         if self._pending:
-            last, least = samples[-1]
-            if least is None or value is not None and value < least:
-                samples[-1] = last, value
+            samples[-1] = samples[-1][0], least_of_all((samples[-1][1], value))
         else:
             if len(samples) == _MAX_SAMPLES:
                 samples[:] = [(time_a, least_of_all((a, b))) for (time_a, a), (_, b)
@@ -402,18 +400,15 @@ class Series:
 
 
 def least_of(series: Iterable[list[Sample]]) -> Iterable[Sample]:
-    """Yield the least of the latest values of several series, each in the order of time."""
+    """Return the least of the latest values of several series, each in the order of time."""
     latest: dict[int, float | None] = {}
-    before: Sample | None = None
-    for time, number, value in merge(*(
-            [(time, number, value) for time, value in samples]
-            for number, samples in enumerate(series)), key=lambda sample: sample[0]):
+    found: dict[int, float | None] = {}
+    for time, number, value in sorted(
+            ((time, number, value) for number, samples in enumerate(series)
+             for time, value in samples), key=itemgetter(0)):
         latest[number] = value
-        if before is not None and time > before[0]:
-            yield before
-        before = time, least_of_all(latest.values())
-    if before is not None:
-        yield before
+        found[time] = least_of_all(latest.values())
+    return found.items()
 
 
 def joined(intervals: Iterable[tuple[_Number, _Number]], gap: float = 0

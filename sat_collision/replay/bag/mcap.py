@@ -33,6 +33,8 @@ _CHUNK_INDEX, _STATISTICS, _DATA_END = 8, 11, 15
 _NAMES = {_SCHEMA: 'schema', _CHANNEL: 'channel', _MESSAGE: 'message', _CHUNK: 'chunk',
           _MESSAGE_INDEX: 'index', _CHUNK_INDEX: 'index', _STATISTICS: 'statistics'}
 _OF_DATA = _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX
+# Of these, which may be long, so many bytes are read.
+_LONG, _LONGEST_HEAD = (_MESSAGE, _CHUNK, _MESSAGE_INDEX), 64
 _OF_SUMMARY = _SCHEMA, _CHANNEL, _CHUNK_INDEX, _STATISTICS
 _NOT_OF_SUMMARY = _HEADER, _FOOTER_KIND, _MESSAGE, _CHUNK, _MESSAGE_INDEX, _DATA_END
 _RECORD_HEAD = struct.Struct('<BQ')
@@ -233,7 +235,7 @@ class McapFile(Storage):
             if kind == _MESSAGE:
                 raise Damage('invalid message record')
             if kind in (_SCHEMA, _CHANNEL):
-                self._define(kind, content[at:at + size], chunk.where)
+                self._parse(chunk.where, kind, size, content[at:at + size])
             at += size
 
     def _content(self, chunk: Chunk, room: int) -> bytes:
@@ -263,33 +265,6 @@ class McapFile(Storage):
         if len(data) < size:
             raise Damage(f'{size} bytes announced, {len(data)} left')
         return data
-
-    def _define(self, kind: int, content: bytes, where: int) -> None:
-        """Record a schema or channel, which may be repeated but not changed."""
-        try:
-            key, = struct.unpack_from('<H', content)
-            if kind == _SCHEMA:
-                name = _text(content, 2)[0]
-                known = self._schemas.setdefault(key, name)
-                if known != name:
-                    self._faults.differs((kind, key), f'schema {key} is {known} and {name}')
-            else:
-                # With another schema the topic has another type.
-                schema, = struct.unpack_from('<H', content, 2)
-                topic, at = _text(content, 4)
-                channel = topic, schema
-                before = self._channels.setdefault(key, channel)
-                if before != channel:
-                    self._faults.differs((kind, key),
-                                         f'channel {key} is {before[0]} and {channel[0]}')
-                at = _text(content, at)[1] + 4
-                while at < len(content):
-                    name, at = _text(content, at)
-                    value, at = _text(content, at)
-                    if name == 'offered_qos_profiles':
-                        self.profiles.add((topic, value))
-        except (struct.error, ValueError):
-            self._faults.damaged(f'damaged at byte {where}: invalid {_NAMES[kind]} record')
 
     def _walk_summary(self) -> None:
         """Read the summary behind the data, if the end of the file announces one."""
@@ -373,22 +348,29 @@ class McapFile(Storage):
 
     def _take(self, where: int, kind: int, size: int) -> None:
         """Process a record of the data or of the summary."""
-        at = where + _RECORD_HEAD.size
+        try:
+            read = min(size, _LONGEST_HEAD) if kind in _LONG else size
+            self._parse(where, kind, size, self._read(where + _RECORD_HEAD.size, read))
+        except Damage as damage:
+            self._faults.damaged(f'damaged at byte {where}: {damage}')
+
+    def _parse(self, where: int, kind: int, size: int, content: bytes) -> None:
+        """Process the content of a record; of a long one, its head."""
         try:
             if kind == _MESSAGE:
-                self._add_to_run(where, self._read(at, min(size, _MESSAGE_HEAD.size)), size)
+                self._add_to_run(where, content, size)
             elif kind == _CHUNK:
                 self._account()
-                head = self._read(at, min(size, 64))
-                first, last, plain, checksum = _CHUNK_HEAD.unpack_from(head)
-                compression, begin = _text(head, _CHUNK_HEAD.size)
-                packed, = struct.unpack_from('<Q', head, begin)
+                first, last, plain, checksum = _CHUNK_HEAD.unpack_from(content)
+                compression, begin = _text(content, _CHUNK_HEAD.size)
+                packed, = struct.unpack_from('<Q', content, begin)
                 if packed != size - begin - 8:
                     raise ValueError
-                self._chunks.append(Chunk(first, last, where, at + begin + 8, packed, compression,
-                                          plain, checksum))
+                at = where + _RECORD_HEAD.size + begin + 8
+                self._chunks.append(
+                    Chunk(first, last, where, at, packed, compression, plain, checksum))
             elif kind == _MESSAGE_INDEX:
-                channel, length = struct.unpack('<HI', self._read(at, 6))
+                channel, length = struct.unpack_from('<HI', content)
                 if not self._chunks or length != size - 6:
                     raise ValueError
                 chunk = self._chunks[-1]
@@ -396,24 +378,38 @@ class McapFile(Storage):
                 self._indexed[channel] += length // 16
             elif kind == _CHUNK_INDEX:
                 self._account()
-                first, last, begin = struct.unpack_from('<QQQ', self._read(at, size))
+                first, last, begin = struct.unpack_from('<QQQ', content)
                 self._chunk_index[begin] = first, last
             elif kind == _STATISTICS:
-                content = self._read(at, size)
                 self._channel_count, = struct.unpack_from('<I', content, 10)
                 length, = struct.unpack_from('<I', content, 42)
                 self._statistics = Counter(dict(
                     struct.iter_unpack('<HQ', content[46:46 + length])))
+            elif kind == _SCHEMA:
+                key, = struct.unpack_from('<H', content)
+                name = _text(content, 2)[0]
+                known = self._schemas.setdefault(key, name)
+                if known != name:
+                    self._faults.differs((kind, key), f'schema {key} is {known} and {name}')
             else:
-                self._define(kind, self._read(at, size), where)
+                # With another schema the topic has another type.
+                key, schema = struct.unpack_from('<HH', content)
+                topic, at = _text(content, 4)
+                before = self._channels.setdefault(key, (topic, schema))
+                if before != (topic, schema):
+                    self._faults.differs((kind, key), f'channel {key} is {before[0]} and {topic}')
+                at = _text(content, at)[1] + 4
+                while at < len(content):
+                    name, at = _text(content, at)
+                    value, at = _text(content, at)
+                    if name == 'offered_qos_profiles':
+                        self.profiles.add((topic, value))
         except (struct.error, ValueError):
             self._faults.damaged(f'damaged at byte {where}: invalid {_NAMES[kind]} record')
-        except Damage as damage:
-            self._faults.damaged(f'damaged at byte {where}: {damage}')
 
     def _add_to_run(self, where: int, head: bytes, size: int) -> None:
         """Add a message outside of chunks to the run that it follows, or begin a run."""
-        _, _, time, _ = _MESSAGE_HEAD.unpack(head)
+        _, _, time, _ = _MESSAGE_HEAD.unpack_from(head)
         run = self._chunks[-1] if self._chunks else None
         whole = _RECORD_HEAD.size + size
         if run and not run.where and run.at + run.size == where and run.size < _LONGEST_RUN:

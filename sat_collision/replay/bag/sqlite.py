@@ -27,11 +27,12 @@ from sat_collision.replay.bag.storage import (
 
 _COLUMNS = {'topics': {'id', 'name', 'type'}, 'messages': {'id', 'topic_id', 'timestamp', 'data'}}
 _SURVEY = """
-SELECT topic_id, timestamp, CASE typeof(data) WHEN 'blob' THEN length(data) ELSE -1 END
+SELECT topic_id, timestamp, CASE typeof(data) WHEN 'blob' THEN length(data) ELSE 0 END
 FROM messages NOT INDEXED"""
-_READ = 'SELECT topic_id, timestamp, {} FROM messages {} WHERE topic_id IN ({}) ORDER BY {}'
 # A damaged file may have values of any type and size.
-_GUARDED = "CASE WHEN typeof(data) = 'blob' AND length(data) <= {} THEN data END"
+_READ = """
+SELECT topic_id, timestamp, CASE WHEN typeof(data) = 'blob' AND length(data) <= {} THEN data END
+FROM messages {} WHERE topic_id IN ({}) ORDER BY {}"""
 # Of a write-ahead log, https://sqlite.org/fileformat2.html#walformat: magic, page size, number of
 # checkpoints, salts.
 _LOG_HEAD = struct.Struct('>I4x4I')
@@ -57,8 +58,7 @@ class SqliteFile(Storage):
         log, journal = Path(f'{path}-wal'), Path(f'{path}-journal')
         size = sum(map(_size, (path, log, journal)))
         self._max_bytes = min(size, limits.chunk)
-        # Whether the survey read all rows, and whether all have data of acceptable type and size.
-        self._whole = self._plain = False
+        self._whole = False  # whether the survey read all rows
         self._names: dict[object, str] = {}
         self._connection: sqlite3.Connection | None = None
         if not _size(path):
@@ -90,8 +90,8 @@ class SqliteFile(Storage):
         read: Counter[str] = Counter()
         unfit = 0
         keys = [key for key, name in self._names.items() if name in topics]
-        query = _READ.format('data' if self._plain else _GUARDED.format(self._max_bytes),
-                             '' if self._whole else 'NOT INDEXED', ', '.join('?' * len(keys)),
+        query = _READ.format(self._max_bytes, '' if self._whole else 'NOT INDEXED',
+                             ', '.join('?' * len(keys)),
                              'timestamp, id' if self._whole else 'rowid')
         try:
             for key, time, data in self._connection.execute(query, keys):
@@ -140,16 +140,12 @@ class SqliteFile(Storage):
     def _survey(self, connection: sqlite3.Connection, size: int) -> None:
         """Count the messages, and find the first and the last time."""
         counts: dict[object, int] = dict.fromkeys(self._names, 0)
-        announced, longest, shortest, untimed = 0, 0, 0, 0
+        announced = untimed = 0
         start, end = 2**63, -2**63 - 1
         try:
             for key, time, length in connection.execute(_SURVEY):
                 counts[key] = counts.get(key, 0) + 1
                 announced += length
-                if length > longest:
-                    longest = length
-                elif length < shortest:
-                    shortest = length
                 if type(time) is int:
                     if time < start:
                         start = time
@@ -166,7 +162,6 @@ class SqliteFile(Storage):
             for key, name in self._names.items():
                 self.counts[name] += counts.pop(key)
             self._faults.unknown('topics', counts)
-        self._plain = shortest >= 0 and longest <= self._max_bytes
         # Rows that share pages could make a small file yield far more data than it has.
         if announced > size:
             self.close()

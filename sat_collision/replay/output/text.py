@@ -15,6 +15,7 @@ from collections.abc import Sequence
 import colorsys
 import os
 from pathlib import Path
+import re
 import sys
 import time
 from typing import Any, NamedTuple, TextIO
@@ -27,6 +28,8 @@ from sat_collision.replay.model.result import (
 _MAX_ROWS = 20
 _MAX_WORST = 5
 _MOMENT = 500_000
+# A cell that is aligned to the right.
+_NUMBER = re.compile(r'(-?\d+(\.\d+)?(e[-+]\d+)?|moment)?[+ %]*')
 INTERVAL = 'footprint', 'first [s]', 'duration [s]', 'reason'
 # Green, red, yellow and magenta.
 _COLOURS = {Verdict.CLEAR: 32, Verdict.COLLISION: 31, Verdict.UNKNOWN: 33, Verdict.BAD_INPUT: 35}
@@ -67,14 +70,12 @@ class Progress:
         bar = f'{self._what}[{"#" * round(_BAR * share):{_BAR}}] {share:4.0%}'
         if share:
             bar += f'  {(now - self._begun) * (1.0 / share - 1.0):.0f} s left'
-        self._stream.write(f'\r\033[K{bar}')
-        self._stream.flush()
+        print(f'\r\033[K{bar}', end='', file=self._stream, flush=True)
 
     def clear(self) -> None:
         """Remove the bar."""
         if self._shown:
-            self._stream.write('\r\033[K')
-            self._stream.flush()
+            print('\r\033[K', end='', file=self._stream, flush=True)
             self._shown = False
 
 
@@ -231,15 +232,14 @@ def summary(results: list[Result]) -> dict[str, Any]:
     contacts = sum(len(result.contacts) for result in results)
     verdicts = {verdict.words: sum(result.verdict is verdict for result in results)
                 for verdict in Verdict}
-    leasts = [(footprint.least.separation, result.bag, footprint.name, footprint.least.obstacle)
-              for result in results for footprint in result.footprints if footprint.least]
+    leasts = [(one.least.separation, result.bag, one.name, one.least.obstacle)
+              for result in results for one in result.footprints if one.least]
     return {
         'bags': len(results), 'duration': 3600 * hours, 'contacts': contacts,
         'contacts_per_hour': contacts / hours if hours else None,
         'verdicts': {word: count for word, count in verdicts.items() if count},
-        'worst': [{'separation': separation, 'bag': bag, 'footprint': footprint,
-                   'obstacle': obstacle}
-                  for separation, bag, footprint, obstacle in sorted(leasts)[:_MAX_WORST]]}
+        'worst': [dict(zip(('separation', 'bag', 'footprint', 'obstacle'), one))
+                  for one in sorted(leasts)[:_MAX_WORST]]}
 
 
 def _in_lines(title: str, table: Table) -> list[str]:
@@ -249,21 +249,13 @@ def _in_lines(title: str, table: Table) -> list[str]:
         return []
     shown = [table.head, *rows[:_MAX_ROWS]]
     widths = [max(map(len, column)) for column in zip(*shown)]
-    aligned = ['>' if all(map(_is_number, column[1:])) else '<' for column in zip(*shown)]
+    aligned = ['>' if all(map(_NUMBER.fullmatch, column[1:])) else '<' for column in zip(*shown)]
     lines = [f'  {title}'] + ['    ' + '  '.join(
         f'{cell:{align}{width}}' for cell, align, width in zip(row, aligned, widths)).rstrip()
         for row in shown]
     if len(rows) > _MAX_ROWS:
         lines.append(f'    and {len(rows) - _MAX_ROWS} more; --json and --csv have all')
     return lines
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell.rstrip('+ %') or 0)
-    except ValueError:
-        return cell.rstrip('+') == 'moment'
-    return True
 
 
 def colours(result: Result) -> dict[str, str]:

@@ -116,12 +116,12 @@ class SqliteFile(Storage):
         plain: dict[str, set[str]] = {}
         for table, columns in _COLUMNS.items():
             # A view or a computed column may be endless; a virtual table has no page.
-            found = connection.execute('SELECT type, rootpage FROM sqlite_master WHERE name = ?',
-                                       (table,)).fetchall()
+            found = connection.execute(
+                "SELECT type = 'table' AND rootpage != 0 FROM sqlite_master WHERE name = ?",
+                (table,)).fetchall()
             plain[table] = {name for _, name, _, _, _, _, hidden in connection.execute(
-                f'PRAGMA table_xinfo({table})') if not hidden} if found else set()
-            if (len(found) != 1 or found[0][0] != 'table' or not found[0][1]
-                    or columns - plain[table]):
+                f'PRAGMA table_xinfo({table})') if not hidden}
+            if found != [(True,)] or columns - plain[table]:
                 raise Damage(f"'{table}' is not a table of a recording")
         # Early recorders write no QoS.
         qos = next(iter(plain['topics'] & {'offered_qos_profiles'}), 'NULL')

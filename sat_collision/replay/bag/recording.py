@@ -23,8 +23,8 @@ from sat_collision.extras import in_one_line
 from sat_collision.replay.bag.mcap import McapFile
 from sat_collision.replay.bag.sqlite import SqliteFile
 from sat_collision.replay.bag.storage import (
-    Damage, Faults, in_time_order, is_installed, Limits, Message, Row, Scratch, Storage,
-    unpacked, why_not_unpacked, ZSTD_MAGIC)
+    check_libraries, Damage, Faults, in_time_order, is_installed, Limits, Message, Row, Scratch,
+    Storage, unpacked, ZSTD_MAGIC)
 import yaml
 
 _STORAGE = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
@@ -62,9 +62,11 @@ class Recording(Storage):
             known = list(self._all_faults)
             for file in files:
                 self._open(file)
-            if missing := why_not_unpacked(self.compressions):
+            try:
+                check_libraries(self.compressions)
+            except Damage as missing:
                 self._all_faults[:] = known
-                self._open_by_rosbag2(missing)
+                self._open_by_rosbag2(str(missing))
         except OSError as error:
             self._faults.damaged(in_one_line(error))
         self._compare(self.counts)

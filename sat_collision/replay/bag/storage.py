@@ -233,14 +233,10 @@ def unpacked(packed: bytes, compression: str, max_bytes: int) -> bytes:
     return content
 
 
-def why_not_unpacked(compressions: set[str]) -> str | None:
-    """Return which library for some compressions is missing, None if none is."""
+def check_libraries(compressions: set[str]) -> None:
+    """Raise Damage if a library for some compressions is missing."""
     for compression in compressions & _LIBRARIES.keys():  # others are reported when read
-        try:
-            _library(compression)
-        except Damage as damage:
-            return str(damage)
-    return None
+        _library(compression)
 
 
 def _library(compression: str) -> Any:

@@ -22,7 +22,7 @@ import sys
 import tempfile
 from typing import Any, BinaryIO, TypeAlias
 
-from sat_collision.extras import in_one_line
+from sat_collision.extras import in_one_line, printable
 
 Message: TypeAlias = tuple[str, int, bytes]  # topic, time in ns, data
 # Consecutive messages of one topic: the topic, their times in ns, which do not fall, their data.
@@ -99,8 +99,7 @@ class Faults:
         if differences[_MAX_DIFFERENCES:]:
             parts.append(f'and {len(differences) - _MAX_DIFFERENCES} more differences')
         # Names of topics come from the file, and may be anything.
-        text = ''.join(letter if letter.isprintable() else '?' for letter in '; '.join(parts))
-        return f'{self._file}: {text[:_MAX_CHARACTERS]}'
+        return f'{self._file}: {printable("; ".join(parts))[:_MAX_CHARACTERS]}'
 
 
 class Damage(Exception):

@@ -159,14 +159,12 @@ class Recording(Storage):
             faults.differs('total', f'announces {self._metadata.total} messages in all, but '
                                     f'{total} by topic')
         listed = [self.path / name for name in self._metadata.files]
-        missing = [file.name for file in listed if not file.exists()]
-        if missing:
+        files = [file for file in listed if file.exists()]
+        if missing := [file.name for file in listed if file not in files]:
             self._faults.differs('missing', f'{", ".join(missing)} is missing')
-        more = [file.name for file in present if file not in listed]
-        if more:
+        if more := [file.name for file in present if file not in listed]:
             self._faults.differs('more', f'metadata.yaml does not list {", ".join(more)}')
         # A file that was decompressed beside the listed one is not read again.
-        files = [file for file in listed if file.exists()]
         names = {file.name.removesuffix('.zstd') for file in files}
         return files + [file for file in present if file.name.removesuffix('.zstd') not in names]
 

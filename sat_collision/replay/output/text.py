@@ -11,6 +11,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 import colorsys
 import os
@@ -230,14 +231,13 @@ def summary(results: list[Result]) -> dict[str, Any]:
     """Return the figures over several recordings, the least separations among them."""
     hours = sum(result.duration for result in results) / 3600
     contacts = sum(len(result.contacts) for result in results)
-    verdicts = {verdict.words: sum(result.verdict is verdict for result in results)
-                for verdict in Verdict}
+    verdicts = Counter(result.verdict for result in results)
     leasts = [(one.least.separation, result.bag, one.name, one.least.obstacle)
               for result in results for one in result.footprints if one.least]
     return {
         'bags': len(results), 'duration': 3600 * hours, 'contacts': contacts,
         'contacts_per_hour': contacts / hours if hours else None,
-        'verdicts': {word: count for word, count in verdicts.items() if count},
+        'verdicts': {verdict.words: count for verdict, count in sorted(verdicts.items())},
         'worst': [dict(zip(('separation', 'bag', 'footprint', 'obstacle'), one))
                   for one in sorted(leasts)[:_MAX_WORST]]}
 

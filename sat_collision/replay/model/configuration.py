@@ -309,19 +309,14 @@ def _named(kind: str, topics: Iterable[str]) -> dict[str, object]:
 
 def _detected(polygons: Mapping[str, str], kinds: list[str], missing: set[str]) -> dict[str, str]:
     """Return the topic detected for each kind, if any; a refusal names what is missing."""
-    found: dict[str, str] = {}
-    is_certain = True
-    if 'footprints' in kinds:
-        plain = [topic for topic, kind in polygons.items() if kind in FOOTPRINT_TYPES]
-        named = [topic for topic in plain if 'footprint' in topic.lower()]
-        candidates = plain if len(plain) == 1 else named
-        is_certain = len(candidates) == 1 or not plain
-        found.update(zip(['footprints'], candidates))
-    if 'obstacles' in kinds:
-        others = [topic for topic in polygons if topic not in found.values()]
-        is_certain = is_certain and len(others) <= 1
-        found.update(zip(['obstacles'], others))
-    if not is_certain:
+    plain = [topic for topic, kind in polygons.items()
+             if 'footprints' in kinds and kind in FOOTPRINT_TYPES]
+    named = [topic for topic in plain if 'footprint' in topic.lower()]
+    candidates = plain if len(plain) == 1 else named
+    found = dict(zip(['footprints'], candidates))
+    others = [topic for topic in polygons if 'obstacles' in kinds and topic not in found.values()]
+    found.update(zip(['obstacles'], others))
+    if plain and len(candidates) != 1 or len(others) > 1:
         listed = ', '.join(f'{topic} ({_TYPES[kind]})' for topic, kind in polygons.items())
         options = ' and '.join(_OPTIONS[kind] for kind in kinds)
         absent = ''.join(f'the recording has no topic {topic}; ' for topic in sorted(missing))

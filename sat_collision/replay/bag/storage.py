@@ -17,6 +17,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from importlib.util import find_spec
+from math import inf
 from pathlib import Path
 import sys
 import tempfile
@@ -168,27 +169,21 @@ def in_time_order(files: Iterable[Storage], topics: Collection[str], start: int 
     A file is read from where it begins on: of files that follow one another only one is in memory.
     """
     ordered = sorted(files, key=lambda file: file.start or 0)
-    # The next time of each file, its number, its next row (None if it has not begun), those after.
-    heads: list[tuple[int, int, Row | None, Iterator[Row]]] = [
-        (file.start or 0, number, None, iter(())) for number, file in enumerate(ordered)]
+    # The next time of each file, its number, its next row (empty before it begins), those after.
+    heads: list[tuple[int, int, Row, Iterator[Row]]] = [
+        (file.start or 0, number, ('', [], []), file.rows(topics, start, stop))
+        for number, file in enumerate(ordered)]
     while heads:
-        _, number, row, rows = heappop(heads)
-        if row is None:
-            rows = ordered[number].rows(topics, start, stop)
-        elif not heads:
-            yield row
-            yield from rows
-            return
-        else:
-            topic, times, messages = row
-            limit, other, *_ = heads[0]
-            end = (bisect_right if number < other else bisect_left)(times, limit)
+        _, number, (topic, times, messages), rows = heappop(heads)
+        limit, other = heads[0][:2] if heads else (inf, 0)
+        end = (bisect_right if number < other else bisect_left)(times, limit)
+        if end:
             yield topic, times[:end], messages[:end]
-            if end < len(times):
-                heappush(heads, (times[end], number, (topic, times[end:], messages[end:]), rows))
-                continue
-        row = next(rows, None)
-        if row is not None:
+        if not heads:
+            yield from rows
+        elif end < len(times):
+            heappush(heads, (times[end], number, (topic, times[end:], messages[end:]), rows))
+        elif row := next(rows, None):
             heappush(heads, (row[1][0], number, row, rows))
 
 

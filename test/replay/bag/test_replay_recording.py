@@ -192,7 +192,7 @@ def test_rows_of_files_are_in_the_order_of_time(tmp_path, seed):
 
         def rows(self, topics, start=None, stop=None):
             begun.append(self)
-            return storages.in_rows(self.messages)
+            yield from storages.in_rows(self.messages)
 
     for number in range(rng.integers(1, 8)):
         times = np.sort(rng.integers(0, 40, rng.integers(0, 30))) + rng.integers(0, 100)

@@ -274,10 +274,9 @@ def read_metadata(path: Path, max_bytes: int) -> Metadata:
         raise Damage(f'more than {max_bytes} bytes')
     if not path.is_file():
         raise Damage('not a file')
+    data = path.read_bytes()
     try:
-        content = yaml.load(path.read_text(encoding='utf-8'), _Loader)
-    except OSError:
-        raise
+        content = yaml.load(data.decode(), _Loader)
     except Exception as error:  # whatever the constructors of YAML's types raise
         raise Damage(f'is not YAML: {in_one_line(error)}') from error
     information = _entry(content, 'rosbag2_bagfile_information', dict)

@@ -176,7 +176,6 @@ class Frames:
             if self._is_full(parent, child):
                 return TOO_MANY_FRAMES
         link = parent, taken
-        is_turned_round = self._drop_reverse(parent, child, NEVER if static else stamp)
         if static:
             pose = parent, fixed(taken)
             is_past_changed = self._static.get(child) != pose
@@ -191,6 +190,7 @@ class Frames:
             is_past_changed = not track.extend(stamp, link, self._history)
             if is_past_changed and not track.insert(stamp, link, self._history):
                 return OLD_TRANSFORM
+        is_turned_round = self._drop_reverse(parent, child, NEVER if static else stamp)
         self._parents.add(parent)
         if is_past_changed or is_turned_round:
             self._maps.clear()

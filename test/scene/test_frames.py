@@ -303,6 +303,15 @@ def test_transform_older_than_the_buffer_is_refused(tree):
     assert tree.where('base', 11) == 7.0
 
 
+def test_refused_transform_the_wrong_way_round_drops_nothing(tree):
+    """It is older than the buffer of its own frame, and newer than the right one."""
+    tree.moving('map', 'odom', (20, 0))
+    tree.moving('odom', 'plan', (1, 3.0))
+    assert tree.frames.insert('plan', 'odom', nanoseconds(2), (0.0,) * 3 + UPRIGHT) == (
+        OLD_TRANSFORM)
+    assert tree.where('plan', 1) == 3.0
+
+
 def about(axis, angle):
     """Return the matrix that turns by an angle about an axis of unit length (Rodrigues)."""
     x, y, z = axis

@@ -16,7 +16,7 @@ does not hold. The first two are modes of a thread, which any library may change
 linked with ``-ffast-math`` does so when loaded), so every kernel that Python calls checks again.
 """
 
-from sat_collision.geometry.compiled.jit import HAS_CONTROL_WORD, kernel
+from sat_collision.geometry.compiled.jit import kernel
 
 FLUSHED = ('floating point flushes numbers below 2^-1022 to zero in this thread, and collision '
            'answers would be wrong: a library built with -ffast-math has set this when it was '
@@ -29,10 +29,6 @@ FUSED = ('kernels are compiled with fused multiply-add, and collision answers wo
 _IS_DIRECTED = 1
 _FLUSHES = 2
 _FUSES = 3
-
-# Bits of MXCSR: flush to zero and denormals are zero; the rounding control.
-_FLUSHING_BITS = 0x8040
-_ROUNDING_BITS = 0x6000
 
 _NORMAL = 2.0 ** -1022
 _NEXT = 2.0 ** -1022 + 2.0 ** -1074
@@ -63,26 +59,14 @@ def problem(one, uneven):
     return 0
 
 
-if HAS_CONTROL_WORD:
-    from sat_collision.geometry.compiled.jit import control_word
-
-    @kernel
-    def require_nearest(count):
-        """Raise FloatingPointError if this thread's modes are wrong; any count will do."""
-        word = control_word()
-        if word & _FLUSHING_BITS:
-            raise FloatingPointError(FLUSHED)
-        if word & _ROUNDING_BITS:
-            raise FloatingPointError(DIRECTED)
-else:
-    @kernel
-    def require_nearest(count):
-        """Raise FloatingPointError if this thread's modes are wrong; any count will do."""
-        found = problem(1.0 + abs(count), _UNEVEN)
-        if found == _FLUSHES:
-            raise FloatingPointError(FLUSHED)
-        if found == _IS_DIRECTED:
-            raise FloatingPointError(DIRECTED)
+@kernel
+def require_nearest(count):
+    """Raise FloatingPointError if this thread's modes are wrong; any count will do."""
+    found = problem(1.0 + abs(count), _UNEVEN)
+    if found == _FLUSHES:
+        raise FloatingPointError(FLUSHED)
+    if found == _IS_DIRECTED:
+        raise FloatingPointError(DIRECTED)
 
 
 require_proved()

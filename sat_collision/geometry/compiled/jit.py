@@ -17,7 +17,6 @@ the same order, so the answers are identical. ``NUMBA_DISABLE_JIT=1`` selects pl
 
 from contextlib import suppress
 from pathlib import Path
-import platform
 from typing import Any, Callable
 
 import numpy as np
@@ -83,7 +82,6 @@ except Exception as error:  # a broken library may raise anything
                        f'{type(error).__name__}: {error}')
 
 COMPILED = numba is not None and not numba.config.DISABLE_JIT
-HAS_CONTROL_WORD = COMPILED and platform.machine() in ('x86_64', 'AMD64')
 KERNEL = f'numba {numba.__version__}' if COMPILED else 'plain Python'
 
 
@@ -132,20 +130,6 @@ def indexable(array: NDArray[Any]) -> Any:
     faster than with NumPy scalars.
     """
     return array if COMPILED else array.data
-
-
-if HAS_CONTROL_WORD:
-    @numba.extending.intrinsic
-    def control_word(typing_context):
-        """Return the register MXCSR, which controls how this thread rounds."""
-        def generate(context, builder, signature, arguments):
-            word, pointer_type = ir.IntType(32), ir.IntType(8).as_pointer()
-            store = builder.module.declare_intrinsic(
-                'llvm.x86.sse.stmxcsr', [], ir.FunctionType(ir.VoidType(), [pointer_type]))
-            place = builder.alloca(word)
-            builder.call(store, [builder.bitcast(place, pointer_type)])
-            return builder.load(place)
-        return numba.types.uint32(), generate
 
 
 if COMPILED:

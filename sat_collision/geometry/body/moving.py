@@ -104,13 +104,7 @@ def on_boundary(vertices, part, points):
     return found
 
 
-@kernel
-def stays_apart(a, b, apart):
-    """Return `boxes_stay_apart` of two moving bodies, given by their arrays."""
-    return boxes_stay_apart(Part(a, 0, len(a)), Part(b, 0, len(b)), apart)
-
-
-@kernel
+@inner
 def boxes_stay_apart(p, q, apart):
     """
     Return whether a horizontal or vertical strip is between two parts at all times.

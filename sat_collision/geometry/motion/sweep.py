@@ -29,7 +29,7 @@ import math
 
 from numpy.typing import ArrayLike
 from sat_collision.geometry.body.moving import (
-    boxes_stay_apart, moving_body, Part, relative, stays_apart, STRIDE)
+    boxes_stay_apart, moving_body, Part, relative, STRIDE)
 from sat_collision.geometry.body.polygon import coordinates, double, Polygon
 from sat_collision.geometry.compiled.jit import elements, inlined, inner, kernel
 from sat_collision.geometry.numeric.predicates import UNDERFLOW_BOUND
@@ -92,8 +92,6 @@ def time_of_contact(a0: ArrayLike, a1: ArrayLike, b0: ArrayLike, b1: ArrayLike,
     a_start, a_end, b_start, b_end = (Polygon(pose, len(pose)) for pose in (p0, p1, q0, q1))
     a, a_ends = moving_body(p0, p1, a_start, a_end)
     b, b_ends = moving_body(q0, q1, b_start, b_end)
-    if stays_apart(a, b, margin):
-        return None
     if arrays_meet(*a_start.packed, *b_start.packed) or (
             margin > 0.0 and measure_arrays(*a_start.packed, *b_start.packed)[0] <= margin):
         return 0.0
@@ -120,7 +118,8 @@ def first_contact(a, a_ends, b, b_ends, tolerance, apart):
     At that time they may be further apart by the tolerance. The time is as for `time_of_contact`,
     but never 0, and infinity instead of None.
     """
-    if _stands(a) and _stands(b):
+    if ((_stands(a) and _stands(b))
+            or boxes_stay_apart(Part(a, 0, len(a)), Part(b, 0, len(b)), apart)):
         return math.inf
     return first_contact_of_moving(a, a_ends, b, b_ends, tolerance, apart)
 

@@ -115,8 +115,7 @@ def closest_of(p, q, features):
     ex, ey = _edge(v, w, pa, pb, qa, qb)
     back = negative(dot(*offset(v, w, pa, qa), ex, ey))
     share = quotient(back, plus(back, dot(*offset(v, w, pb, qb), ex, ey)))
-    return (between(v[pa], v[pb], share), between(v[pa + 1], v[pb + 1], share),
-            between(w[qa], w[qb], share), between(w[qa + 1], w[qb + 1], share), ux, uy)
+    return *_between(v, pa, pb, share), *_between(w, qa, qb, share), ux, uy
 
 
 @inner
@@ -139,9 +138,10 @@ def _line(v, a, b):
 
 
 @inner
-def between(a, b, share):
-    """Return a + share (b - a), rounded once."""
-    return plus((a, 0.0), times(share, difference(b, a)))[0]
+def _between(v, a, b, share):
+    """Return x, y of the point at a share of the way from one vertex to another, rounded once."""
+    x, y = offset(v, v, a, b)
+    return plus((v[a], 0.0), times(share, x))[0], plus((v[a + 1], 0.0), times(share, y))[0]
 
 
 @inner
@@ -389,5 +389,4 @@ def _move(p, q, a, j):
     if left[0] < 0.0:
         begin = dot(ex, ey, *offset(v, w, i, k))
         share = quotient(begin, plus(begin, negative(left)))
-    return (between(v[i], v[c], share), between(v[i + 1], v[c + 1], share),
-            between(w[k], w[d], share), between(w[k + 1], w[d + 1], share), ux, uy)
+    return *_between(v, i, c, share), *_between(w, k, d, share), ux, uy

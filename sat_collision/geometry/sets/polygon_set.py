@@ -42,7 +42,6 @@ _FEWEST_DOUBLES = 1024
 _FEWEST_INDEXED = 500
 _QUERIES = 200 if COMPILED else 2 ** 62
 NO_ROWS = np.empty(0, np.int64)
-_NO_BODIES = indexable(new_array(0, 0))
 
 
 class PolygonSet:
@@ -169,7 +168,7 @@ class PolygonSet:
         done = 0
         while True:
             run = data, spans, done, IN_ONE_MESSAGE, UNMOVED, limit, space
-            done += write_run(run, self._array, indexable(rows), done, len(rows), _NO_BODIES,
+            done += write_run(run, self._array, indexable(rows), done, len(rows), _EMPTY._array,
                               ALONE)
             if done == len(rows):
                 break

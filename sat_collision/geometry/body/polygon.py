@@ -300,14 +300,13 @@ class Packer:
     def __init__(self, max_vertices: int, max_non_convex: int | None = None) -> None:
         self.max_vertices = max_vertices
         self._max_non_convex = max_vertices if max_non_convex is None else max_non_convex
-        # One more, for a closing point; messages with even more points may be slow.
-        self._max_points = max_vertices + 1
         self.array = workspace(max_vertices)
 
     def pack(self, points: Points, affine: Affine2D = UNMOVED) -> PackedBody:
         """Return the body of points moved by an affine map, valid until the next call."""
         count = points[2]
-        if 0 < count <= self._max_points:
+        # One more, for a closing point; messages with even more points may be slow.
+        if 0 < count <= self.max_vertices + 1:
             vertices = pack_convex(*points, self.array, self.max_vertices, affine)
             if vertices:
                 return self.array, vertices

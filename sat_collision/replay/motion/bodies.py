@@ -17,15 +17,15 @@ from functools import cached_property
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from sat_collision.geometry.body.moving import STRIDE
 from sat_collision.geometry.body.packing import DOUBLE, PAIR, SIZES, TRIPLE
 from sat_collision.geometry.body.polygon import Affine2D, Polygon
 from sat_collision.messages.ingest import Placement
 from sat_collision.replay.motion.kernels import (
-    COUNT, DATA, describe, EARLIEST, END, FINISH, FIRST, follow, LAST, LATEST, MAY_REPEAT,
-    MOTIONS, MOTIONS_BEGIN, motions_between, MOTIONS_END, POINT, POINTS_END, ROW, ROWS_END, STAMP,
-    START, STEP)
+    COUNT, describe, EARLIEST, END, FINISH, FIRST, follow, LATEST, MAY_REPEAT, MOTIONS,
+    MOTIONS_BEGIN, motions_between, MOTIONS_END, POINT, POINTS_END, ROW, ROWS_END, STAMP, START,
+    STEP)
 from sat_collision.scene.obstacles import ObstacleId
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -36,7 +36,7 @@ Interval: TypeAlias = tuple[int, int]  # from one time to another, ns
 LONGEST = 10 * 10**9
 _IDENTITY = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0
 _NO_PLANES = np.empty((0, len(_IDENTITY)))
-_NO_ENDS = np.empty(0, np.int64)
+_NO_PLACES = np.empty(0, np.int64)
 
 
 class MotionArrays(NamedTuple):
@@ -66,9 +66,9 @@ class SetBatch:
     """
 
     def __init__(self, sets: Sequence[Sequence[Placement]], longest: int = 0) -> None:
-        pieces, ends = [], [_NO_ENDS]
+        pieces = []
+        places: list[ArrayLike] = [_NO_PLACES]
         messages: list[int] = []
-        tables: list[Integers] = []
         affines: list[Affine2D | None] = []
         rings = at = 0
         for number, placements in enumerate(sets):
@@ -76,27 +76,19 @@ class SetBatch:
                 run, points_at = 1, 0
                 if isinstance(where, int):
                     data = data[where:where + SIZES[step] * count]
-                elif step == TRIPLE:
-                    ends.append(where)
+                    places.append((0, count) if step == PAIR else (len(data),))
+                elif step == PAIR:
+                    run = len(where) // 2
+                    places.append(where)
+                else:
                     run, points_at = 1 + len(where), count
+                    places += where, (len(data),)
                 if step == PAIR and (gap := -at % DOUBLE):
                     pieces.append(bytes(gap))
                     at += gap
-                if step == PAIR and not isinstance(where, int):
-                    # Each polygon of the message by itself.
-                    spans = np.asarray(where).reshape(-1, 2)
-                    table = np.empty((len(spans), STEP + 1), np.int64)
-                    table[:] = number, 1, 0, stamp, 0, 0, step
-                    table[:, DATA] = at + spans[:, 0]
-                    table[:, LAST] = SIZES[step] * spans[:, 1]
-                    tables += _table(messages), table
-                    messages.clear()
-                    rings += len(spans)
-                    affines += [affine] * len(spans)
-                else:
-                    messages += number, run, at, stamp, points_at, len(data), step
-                    rings += run
-                    affines.append(affine)
+                messages += number, run, at, stamp, points_at, step
+                affines.append(affine)
+                rings += run
                 at += len(data)
                 pieces.append(data)
         maps: Floats = _NO_PLANES
@@ -107,8 +99,8 @@ class SetBatch:
         self.boxes = np.empty((rings, 4))
         self.sets: Integers = np.zeros((len(sets), MOTIONS_END + 1), np.int64)
         described = self.points, self.rings, self.boxes, self.sets
-        describe(b''.join(pieces), np.concatenate([*tables, _table(messages)]),
-                 np.concatenate(ends), maps, described)
+        describe(b''.join(pieces), np.array(messages, np.int64).reshape(-1, STEP + 1),
+                 np.concatenate(places), maps, described)
         if longest and len(sets):
             rows, next_rows = np.empty((2, rings), np.int64)
             self.motions = MotionArrays.of(rows, next_rows, len(self.points))
@@ -258,11 +250,6 @@ class LinearMotion:
 def _polygon(ring: Floats) -> Polygon:
     """Return what a ring makes, whose number of vertices was checked when it was received."""
     return Polygon(ring, len(ring))
-
-
-def _table(messages: list[int]) -> Integers:
-    """Return the columns of messages as `describe` takes them."""
-    return np.array(messages, np.int64).reshape(-1, STEP + 1)
 
 
 def motion_between(before: Bodies, after: Bodies, rows: Integers,

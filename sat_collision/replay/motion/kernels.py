@@ -35,9 +35,8 @@ FIRST, COUNT, STAMP, MOVED = range(4)
 # Columns of motions: where the vertices end, when the motion begins, and when it ends.
 END, START, FINISH = range(3)
 # Columns of messages, or runs of them: the set, how many rings there are, where the data begins,
-# the stamp, where in each message points start, where in the data the last ones end, and the
-# numbers of a point.
-SET, RINGS, DATA, TIME, POINTS_AT, LAST, STEP = range(7)
+# the stamp, where in each message of a run points start, and the numbers of a point.
+SET, RINGS, DATA, TIME, POINTS_AT, STEP = range(6)
 # Columns of sets: where the rings begin and end, and the points; the first and the last stamp of a
 # ring, 0 if there is none; whether two rings may be equal bit by bit as received (always 1 if two
 # are); where the motions that lead to the set end, when the first begins, and when the last ends.
@@ -46,7 +45,7 @@ SET, RINGS, DATA, TIME, POINTS_AT, LAST, STEP = range(7)
 
 
 @kernel
-def describe(data, messages, ends, affines, out):
+def describe(data, messages, places, affines, out):
     """
     Write the points, rings and bounds of some sets.
 
@@ -54,11 +53,12 @@ def describe(data, messages, ends, affines, out):
     ----------
     data : bytes
         The data of all messages.
-    messages : (m, 7) array of int64
+    messages : (m, 6) array of int64
         SET to STEP of each message or run, in the order of the sets. Points are x, y and z as
         float32, or x and y as float64, by STEP: TRIPLE or PAIR.
-    ends : array of int64
-        Where in the data of each run its messages end, except the last one.
+    places : array of int64
+        Where in the data of each its rings are: where they end, with TRIPLE; with PAIR where each
+        starts, and how many points it has.
     affines : (m, 6) array of float64
         The map of the rings of each to the common frame, as an Affine2D; empty if none is needed.
     out : tuple
@@ -89,12 +89,15 @@ def describe(data, messages, ends, affines, out):
             end = 0
             row = i + messages[message, RINGS]
             for i in range(i, row):
-                at = end + messages[message, POINTS_AT]
-                end = messages[message, LAST]
-                if i < row - 1:
-                    end = ends[listed]
+                if is_double:
+                    at = places[listed]
+                    length = places[listed + 1]
+                    listed += 2
+                else:
+                    at = end + messages[message, POINTS_AT]
+                    end = places[listed]
                     listed += 1
-                length = (end - at) // (_WORD * size)
+                    length = (end - at) // (_WORD * size)
                 at = (data_at + at) // _WORD
                 last = start + length - 1
                 key = length
@@ -129,7 +132,7 @@ def describe(data, messages, ends, affines, out):
                 start = last + 1
                 sets[s, EARLIEST] = min(sets[s, EARLIEST], stamp) if i > first else stamp
                 sets[s, LATEST] = max(sets[s, LATEST], stamp)
-            i += 1
+            i = row
             message += 1
         sets[s, ROW], sets[s, ROWS_END] = first, i
         sets[s, POINT], sets[s, POINTS_END] = base, start

@@ -25,11 +25,9 @@ docs/exactness.md, lemma 25. Coordinates are relative to a point near the bodies
 import math
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from sat_collision.geometry.body.layout import convex_part, first_vertex, outline_of
 from sat_collision.geometry.body.moving import Part, parts_about, write_relative
-from sat_collision.geometry.compiled.jit import elements, inlined, inner, scratch, scratch_integers
+from sat_collision.geometry.compiled.jit import elements, inner, scratch, scratch_integers
 from sat_collision.geometry.numeric.vectors import reach_along, scale_to_one, unit
 from sat_collision.geometry.pair.convex_distance import reach_of
 from sat_collision.geometry.pair.distance import open_pairs
@@ -86,22 +84,18 @@ def way_out(p, q):
     clear = _CLEAR * max(max(p.array[i + 4], q.array[j + 4]) * scale - x * scale,
                          max(p.array[i + 5], q.array[j + 5]) * scale - y * scale)
     pairs = open_pairs(p, q, (best.length + 2.0 * clear) / scale)
-    areas = np.empty(len(pairs))
     parts = max(1, -q.n)
     size = work = 0
-    for k in range(len(pairs)):
-        a, b = convex_part(p, pairs[k] // parts), convex_part(q, pairs[k] % parts)
-        areas[k] = _box_area(a, b)
+    for pair in pairs:
+        a, b = convex_part(p, pair // parts), convex_part(q, pair % parts)
         size += a.n + b.n + 4
         work += (a.n + b.n + 4) ** 2
         if work > _MOST_WORK:
             break
     if work <= _MOST_WORK:
-        # The largest first: they cover most.
-        order = [pairs[k] for k in np.argsort(-areas, kind='mergesort')]
         # The way to a line is longer by `clear`, and that is subtracted in the end.
         best = Way(best.length + clear, best.ux, best.uy)
-        found = _differences(parts_about(p, x, y, scale), parts_about(q, x, y, scale), order, size,
+        found = _differences(parts_about(p, x, y, scale), parts_about(q, x, y, scale), pairs, size,
                              clear, best.length)
         best = _nearest(found, clear, best)
         best = Way(best.length - clear, best.ux, best.uy)
@@ -127,15 +121,6 @@ def _straight_way(v, w):
         if sides[k + 2] < best.length:
             best = Way(sides[k + 2], sides[k], sides[k + 1])
     return best
-
-
-@inlined
-def _box_area(a, b):
-    """Return the area of the box of the difference of two parts."""
-    v, w = a.array, b.array
-    i, j = a.start, b.start
-    return ((v[i + 4] - v[i + 2] + w[j + 4] - w[j + 2])
-            * (v[i + 5] - v[i + 3] + w[j + 5] - w[j + 3]))
 
 
 @inner

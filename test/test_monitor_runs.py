@@ -329,6 +329,15 @@ def test_refused_polygon_makes_the_source_unknown_until_the_next_good_message(wr
     assert world.status() == 'clear' and not world.faults
 
 
+def test_polygons_refused_for_several_reasons_are_all_told():
+    """The first one of each reason, in one rejection."""
+    world = Collections()
+    rejection = world.see(box(5), [], BOW_TIE, [], BOW_TIE)
+    assert rejection.reason == 'empty'
+    assert [one[:9] for one in rejection.detail.split('; ')] == ['polygon 1', 'polygon 2']
+    assert world.monitor.rejected == {('lidar', 'empty'): 2, ('lidar', 'self-intersecting'): 2}
+
+
 def test_more_than_max_count_is_refused():
     world = Collections(max_count=3)
     assert world.see(*[box(5)] * 4).reason == 'too many obstacles'

@@ -23,7 +23,7 @@ from sat_collision.messages.cdr import decode
 from sat_collision.messages.ingest import Ingest
 from sat_collision.replay import check as replay
 from sat_collision.replay.bag.recording import Recording
-from sat_collision.replay.model.result import HEADER, Options, Series, Verdict
+from sat_collision.replay.model.result import HEADER, least_of, Options, Series, Verdict
 from storages import storage_file
 
 LIVE = Options(as_live=True)
@@ -358,6 +358,12 @@ def test_number_of_samples_is_bounded(tmp_path):
     assert 1000 < len(samples) <= 4096
     assert min(value for _, value in samples) == -0.25
     assert [time for time, _ in samples] == sorted(time for time, _ in samples)
+
+
+def test_least_of_series_in_any_order():
+    """What is found later may have begun earlier."""
+    series = [(3, 1.0), (1, 5.0), (5, None)], [(1, 2.0), (4, 0.5)]
+    assert [*least_of(series)] == [(1, 2.0), (3, 1.0), (4, 0.5), (5, 0.5)]
 
 
 def test_long_series_keeps_the_least_of_neighbours():

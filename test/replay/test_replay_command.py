@@ -64,6 +64,19 @@ def test_parameters_may_hold_for_the_type_that_is_recorded(tmp_path):
     assert main([str(bag), '-p', f'{SOURCE}.timeout:=0.0'], set_end=None) == 0
 
 
+def test_polygons_of_a_message_refused_for_several_reasons(tmp_path, capsys):
+    """Each reason has its count; the example of one has that of the other."""
+    crossing = [(5, 5), (6, 6), (6, 5), (5, 6)]
+    messages = [('/footprint', 0.0, box(0)),
+                ('/obstacles', 0.1, collection([box(3), [], crossing], nanoseconds(0.1)))]
+    bag = write(tmp_path / 'bag', messages, types={'/obstacles': COLLECTION})
+    assert main([str(bag)], set_end=None) == 2
+    out = capsys.readouterr().out
+    for reason in ('empty', 'self-intersecting'):
+        assert f'1 messages rejected: {reason}' in out
+    assert re.search(r'the first one: .*polygon 1: .*; polygon 2: ', out)
+
+
 def test_text_output(bags, capsys):
     """Times, depth and position of the contact, coverage, and reasons."""
     main([bags['collision']])

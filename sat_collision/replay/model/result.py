@@ -395,7 +395,7 @@ class Series:
 
 
 def least_of(series: Iterable[list[Sample]]) -> Iterable[Sample]:
-    """Return the least of the latest values of several series, each in the order of time."""
+    """Return the least of the latest values of several series, each in any order, by time."""
     latest: dict[int, float | None] = {}
     found: dict[int, float | None] = {}
     for time, number, value in sorted(

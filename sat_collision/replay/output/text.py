@@ -104,8 +104,10 @@ def report(result: Result) -> list[str]:
                  f'{result.messages} messages ({sources})')
     for source in result.sources:
         for reason, count in source.rejected.items():
-            lines += [f'  {source.name}: {count} messages rejected: {reason}',
-                      f'    the first one: {source.examples[reason]}']
+            lines.append(f'  {source.name}: {count} messages rejected: {reason}')
+            # Where polygons of a message were refused for several reasons, it is in another one.
+            if reason in source.examples:
+                lines.append(f'    the first one: {source.examples[reason]}')
     lines += [f'  {source.name}: {source.lost} messages lost when it was recorded'
               for source in result.sources if source.lost]
     lines += [f'  {one.name}: {how_soon(one, result)}' for one in result.too_soon]

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from sat_collision.replay.model.keyframes import Keyframes, ShownBody
 from sat_collision.replay.motion.bodies import Floats, LinearMotion
-from sat_collision.replay.motion.tracker import Step, Tracker
+from sat_collision.replay.motion.tracker import Step
 from sat_collision.replay.motion.trajectories import Trajectory
 from sat_collision.scene.obstacles import ObstacleId
 
@@ -41,13 +41,13 @@ class MotionDrawing:
 
     def __init__(self, moments: Sequence[int]) -> None:
         self.keyframes = Keyframes(moments)
-        self._samples: defaultdict[Tracker, dict[ObstacleId, _LastSample]] = defaultdict(dict)
+        self._samples: defaultdict[str, dict[ObstacleId, _LastSample]] = defaultdict(dict)
         self._footprints: dict[str, ShownBody] = {}
         self._next: dict[str, int] = {}
 
-    def follow(self, tracker: Tracker, step: Step) -> None:
+    def follow(self, source: str, step: Step) -> None:
         """Show the bodies of a source in a step."""
-        samples = self._samples[tracker]
+        samples = self._samples[source]
         arrived: dict[ObstacleId, ShownBody] = {}
         for motion in step.motions:
             for i, row in enumerate(motion.rows.tolist()):

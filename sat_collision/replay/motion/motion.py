@@ -31,7 +31,7 @@ from sat_collision.replay.motion.bodies import Bodies, Interval, LONGEST, SetBat
 from sat_collision.replay.motion.contacts import ContactResults, ContactTracker
 from sat_collision.replay.motion.drawing import MotionDrawing
 from sat_collision.replay.motion.prediction import Predictor
-from sat_collision.replay.motion.tracker import Emit, KeyTracker, SetTracker, Step, Tracker
+from sat_collision.replay.motion.tracker import KeyTracker, SetTracker, Step, Tracker
 from sat_collision.replay.motion.trajectories import Poses, Trajectory
 from sat_collision.scene.frames import Mapped
 from sat_collision.scene.obstacles import ObstacleId
@@ -62,7 +62,7 @@ class Sweep:
         self.contacts = ContactResults(result, contacts, self.trajectory)
         self.prediction = (None if horizon is None
                            else Predictor(settings, self.trajectory, horizon, margin))
-        self._contact_trackers: dict[Tracker, ContactTracker] = {}
+        self._contact_trackers: dict[str, ContactTracker] = {}
         # Steps to be decided once the trajectory is known.
         self._waiting: deque[tuple[ContactTracker, Step]] = deque()
 
@@ -90,17 +90,17 @@ class Sweep:
         for tracker in trackers:
             if self.settings.monitors(tracker.name):
                 found[tracker.name] += tracker.undetermined
-        for tracker, one in self._contact_trackers.items():
-            found[tracker.name] += one.undetermined
+        for name, one in self._contact_trackers.items():
+            found[name] += one.undetermined
         return found
 
-    def queue(self, tracker: Tracker, step: Step, now: int) -> None:
-        """Queue a step, which is decided once the trajectory is known."""
-        one = self._contact_trackers.get(tracker)
+    def queue(self, source: str, step: Step, now: int) -> None:
+        """Queue a step of a source, which is decided once the trajectory is known."""
+        one = self._contact_trackers.get(source)
         if one is None:
             if step.seen is not None and not len(step.seen):
                 return
-            one = self._contact_trackers[tracker] = ContactTracker(
+            one = self._contact_trackers[source] = ContactTracker(
                 self.trajectory, self.contacts, self._margin)
         self._waiting.append((one, step))
         self._decide_known(now)
@@ -211,7 +211,8 @@ class RecordedMotion:
             source = self._sources[name]
             in_sets = (source.ending != NONE and source.timeout > 0.0
                        and source.type != POLYGON_INSTANCE)
-            emit = self._emit_of(name)
+            emit = partial(self._queue, name, [
+                sweep for sweep in self._sweeps.values() if sweep.settings.monitors(name)])
             tracker = self._trackers[name] = (
                 SetTracker(source, emit, partial(self._scene.is_broken, name)) if in_sets
                 else KeyTracker(source, emit))
@@ -318,13 +319,9 @@ class RecordedMotion:
         if self._drawing:
             self._drawing.show(sweep.settings.name, sweep.trajectory)
 
-    def _emit_of(self, source: str) -> Emit:
-        """Return the callback for the steps of a source, which queues them for footprints."""
-        concerned = [sweep for sweep in self._sweeps.values() if sweep.settings.monitors(source)]
-
-        def emit(tracker: Tracker, step: Step) -> None:
-            if self._drawing:
-                self._drawing.follow(tracker, step)
-            for sweep in concerned:
-                sweep.queue(tracker, step, self._now)
-        return emit
+    def _queue(self, source: str, concerned: Iterable[Sweep], step: Step) -> None:
+        """Draw a step of a source, and queue it for the footprints that monitor that."""
+        if self._drawing:
+            self._drawing.follow(source, step)
+        for sweep in concerned:
+            sweep.queue(source, step, self._now)

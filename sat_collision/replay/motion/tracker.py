@@ -71,7 +71,7 @@ class Step:
 Described: TypeAlias = tuple[Bodies, int]
 # For bodies that stand still, until when each of the rows does.
 Standing: TypeAlias = defaultdict[Bodies, dict[int, int]]
-Emit: TypeAlias = 'Callable[[Tracker, Step], None]'
+Emit: TypeAlias = Callable[[Step], None]
 
 
 class Tracker(ABC):
@@ -254,7 +254,7 @@ class SetTracker(Tracker):
             if not (is_whole and self._is_whole) or gap > self._timeout or (
                     found < min(len(last), len(seen))):
                 self._miss(self._since, end)
-        self._emit(self, Step(motions, seen, None, end, last if is_in_batch else None))
+        self._emit(Step(motions, seen, None, end, last if is_in_batch else None))
         # Before the first one nothing is known.
         self._is_whole = is_whole or last is None
         self._last, self._seen = seen, seen
@@ -266,9 +266,9 @@ class SetTracker(Tracker):
         """Let bodies of the last set stand until a time or their timeout; all but some then go."""
         ends = {row: round(min(until, seen.stamps[row] + self._timeout)) for row in rows}
         standing = {row: end for row, end in ends.items() if end > last.stamps[row]}
-        self._emit(self, Step([stay(last, standing)] if standing else [], None,
-                              [last.names[row] for row in rows if row not in left],
-                              max(standing.values(), default=self._last_stamp)))
+        self._emit(Step([stay(last, standing)] if standing else [], None,
+                        [last.names[row] for row in rows if row not in left],
+                        max(standing.values(), default=self._last_stamp)))
 
     def _take_set(self) -> Bodies:
         """Return the received set; of identical bodies the last message counts."""
@@ -460,8 +460,8 @@ class KeyTracker(Tracker):
                 del self._seen[name]
         motions = [stay(*one) for one in standing.items()]
         if gone or motions:
-            self._emit(self, Step(motions, None, gone,
-                                  max((motion.end for motion in motions), default=now)))
+            self._emit(Step(motions, None, gone,
+                            max((motion.end for motion in motions), default=now)))
         for motion, until in zip(motions, standing.values()):
             for row, end in until.items():
                 name = motion.after.names[row]
@@ -530,4 +530,4 @@ class KeyTracker(Tracker):
         motions = [stay(*one) for one in standing.items()]
         motions += [motion_between(last_bodies, seen, *np.array([*zip(*pairs)], np.int64))
                     for last_bodies, pairs in followed.items()]
-        self._emit(self, Step(motions, seen, gone, seen.end))
+        self._emit(Step(motions, seen, gone, seen.end))

@@ -169,8 +169,7 @@ def test_bodies_are_matched_with_their_mutual_nearest(extent):
     """Dense and sparse sets; time counts where bodies of both sets have no match."""
     rng = np.random.default_rng(extent)
     steps = []
-    tracker = SetTracker(ObstacleSettings('lidar', '/lidar'),
-                         lambda tracker, step: steps.append(step), lambda listing: False)
+    tracker = SetTracker(ObstacleSettings('lidar', '/lidar'), steps.append, lambda listing: False)
     sets = [random_set(rng, rng.integers(0, 12), extent) for _ in range(300)]
     # The beginning of one more set ends the last one, which is whole then.
     for number, rings in enumerate([*sets, []], 1):

@@ -50,26 +50,20 @@ def measure_near(body, box, rows, bodies, margin, found):
     """
     outline, n = body
     boxes, points, rings = bodies
+    nearest = 0
+    least = math.inf
+    for k in range(len(rows)):
+        gap = _gap(box, boxes[rows[k]])
+        if gap < least:
+            least = gap
+            nearest = k
     count = 0
     least = math.inf
-    nearest = -1
-    if n != 0:
-        # The ring with the nearest box goes first, so that most others need not be measured.
-        for row in rows:
-            gap = _gap(box, boxes[row])
-            if gap < least:
-                least = gap
-                nearest = row
-        least = math.inf
-    if nearest >= 0:
-        value = _separation(outline, n, points, rings[nearest])
-        found[0] = (_gap(box, boxes[nearest]), float(nearest), value)
-        count = 1
-        if value < least:
-            least = value
-    for row in rows:
+    # From the nearest box round to the one before it, so that most others need not be measured.
+    for k in range(nearest - len(rows), nearest):
+        row = rows[k]
         gap = _gap(box, boxes[row])
-        if row == nearest or gap > max(margin, least):
+        if gap > max(margin, least):
             continue
         value = math.nan if n == 0 else _separation(outline, n, points, rings[row])
         found[count] = (gap, float(row), value)

@@ -156,13 +156,6 @@ class Trajectory:
         """Return the beginning and the end of each link between two times, with its motion."""
         starts, links = self._starts, self._links
         k = max(bisect_right(starts, start) - 1, 0)
-        # Most often one link has all of it, and shares its samples with those that it meets.
-        if starts and starts[k] <= start < finish <= links[k].end and (
-                not k or links[k - 1].end < start
-                or links[k - 1].begin < start and links[k - 1].after is links[k].before) and (
-                k + 1 == len(links) or finish < links[k + 1].begin
-                or links[k + 1].before is links[k].after):
-            return [(start, finish, links[k])]
         # Pieces of no length may share their time with the end of the one before.
         while k > 0 and links[k - 1].end >= start:
             k -= 1

@@ -77,17 +77,6 @@ class ArrivalOrder:
         return max(now, int(min(self._times[self._taken - 1], monitor.deadline)))
 
 
-def _headers(messages: list[bytes]) -> Iterator[tuple[bytes, int]]:
-    """Yield the beginnings of messages up to their stamps, each with its count in a row."""
-    first = _header_of(messages[0])
-    # All lie between the least and the greatest.
-    if first == _header_of(min(messages)) == _header_of(max(messages)):
-        yield first, len(messages)
-        return
-    for header, same in groupby(messages, _header_of):
-        yield header, len([*same])
-
-
 class StampOrder:
     """
     Yields messages in the order of stamps, given in the order received.
@@ -132,8 +121,8 @@ class StampOrder:
             if by_header:
                 times = [0] * len(times)
             k = 0
-            for own, same in _headers(messages):
-                stop = k + same
+            for own, same in groupby(messages, _header_of):
+                stop = k + len([*same])
                 while k < stop:
                     received = times[k]
                     if topic == run_topic and own == head and begin <= received <= end:

@@ -102,13 +102,10 @@ class Trajectory:
         stood, self._stood = self._stood, None
         self._last, self.latest = sample, time
         self.newest = max(time, self.newest or time)
-        if begin is None or time <= begin or stood:
-            self._append(Link(sample, sample))
-        elif sample.followed if sample.follows(last) else time - begin <= self.longest and (
-                last.rings[0, COUNT] == sample.rings[0, COUNT]):
-            self._append(Link(last, sample))
-        else:
-            self._append(Link(sample, sample))
+        is_linked = begin is not None and begin < time and not stood and (
+            sample.followed if sample.follows(last) else time - begin <= self.longest and (
+                last.rings[0, COUNT] == sample.rings[0, COUNT]))
+        self._append(Link(last if is_linked else sample, sample))
 
     def lose(self, time: int) -> None:
         """Reset the pose: from a time on it is unknown until the next sample."""

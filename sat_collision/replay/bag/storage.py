@@ -63,13 +63,13 @@ class Faults:
     def __init__(self, file: Path) -> None:
         self._file = file
         self._first = ''
-        self._more = 0
+        self._places: set[int] = set()  # hashes of descriptions
         self._differences: dict[object, str] = {}
 
     def damaged(self, where: str) -> None:
-        """Record a damaged place; only the first one is described."""
-        self._more += bool(self._first)
+        """Record a damaged place, once; only the first one is described."""
         self._first = self._first or where
+        self._places.add(hash(where))
 
     def differs(self, about: object, words: str) -> None:
         """Record that two things differ, once for each subject."""
@@ -94,7 +94,7 @@ class Faults:
         return bool(self._first or self._differences)
 
     def __str__(self) -> str:
-        more = f', and in {self._more} more places' if self._more else ''
+        more = f', and in {len(self._places) - 1} more places' if len(self._places) > 1 else ''
         differences = list(self._differences.values())
         parts = [self._first + more] * bool(self._first) + differences[:_MAX_DIFFERENCES]
         if differences[_MAX_DIFFERENCES:]:

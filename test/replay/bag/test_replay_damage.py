@@ -28,6 +28,7 @@ from compiled import plain_python
 import pytest
 from recordings import box, check, drive, POLYGON, SOURCE, START, write
 from sat_collision.replay.__main__ import main
+from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.bag.sqlite import SqliteFile
 from sat_collision.replay.bag.storage import check_bag_writer, Faults, Limits, Scratch
 from sat_collision.replay.model.result import Options, Verdict
@@ -72,6 +73,20 @@ def test_zeroed_chunk_is_reported(tmp_path, first, last, indexed):
     assert result.messages >= ALL - 30
     assert len(result.problems) == 1 and str(file) in result.problems[0]
     assert check(file, Options(start=1.0, duration=8.0)).verdict is Verdict.BAD_INPUT
+
+
+def test_damaged_chunk_that_two_parts_have_is_reported_once(tmp_path):
+    """As of a recording that is checked from a time on, for what came before."""
+    file = write_mcap(tmp_path / 'a.mcap', CLEAR)
+    data = bytearray(file.read_bytes())
+    data[offset(data, CHUNK, 5) + 60] ^= 1
+    file.write_bytes(data)
+    middle = START + 5 * SECOND
+    with Recording(file) as recording:
+        for part in ((None, middle), (middle, None), (None, middle + SECOND)):
+            assert list(recording.rows([*recording.topics], *part))
+        problem, = recording.problems
+    assert 'damaged in the chunk' in problem and 'more places' not in problem
 
 
 def test_chunk_that_announces_no_time_is_read(tmp_path):

@@ -18,7 +18,6 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from sat_collision.replay.model.result import Contact
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -84,15 +83,15 @@ class Keyframes:
         return next((body for body in self.bodies
                      if body.is_footprint and body.spans[0].name == name), None)
 
-    def obstacle(self, contact: Contact) -> ShownBody | None:
+    def obstacle(self, name: str, time: int, x: float, y: float) -> ShownBody | None:
         """
-        Return the obstacle of a contact where that is deepest, None if it was not kept.
+        Return the obstacle that has a name at a moment.
 
         As live, an obstacle of the set being received may have the same name as one of the set
-        before: then the one at the place of the contact is returned.
+        before: then the one at (x, y) is returned.
         """
-        name, place = contact.deepest_as or contact.obstacle, np.array([contact.x, contact.y])
-        found = [(body, span.ring) for body, span in self.at(self.number(contact.deepest))
+        place = np.array([x, y])
+        found = [(body, span.ring) for body, span in self.at(self.number(time))
                  if span.name == name and not body.is_footprint]
         return min(found, default=(None, None), key=lambda one: float(np.max(np.maximum(
             one[1].min(axis=0) - place, place - one[1].max(axis=0)))))[0]

@@ -22,7 +22,7 @@ from sat_collision.replay.bag.storage import Limits
 
 if TYPE_CHECKING:
     from sat_collision.geometry.body.polygon import Polygon
-    from sat_collision.replay.model.keyframes import Keyframes
+    from sat_collision.replay.model.keyframes import Keyframes, ShownBody
 
 _Number = TypeVar('_Number', int, float)
 _Place = TypeVar('_Place')
@@ -298,6 +298,11 @@ class Result:
                 setattr(footprint, state, length - before)
                 before = length
             footprint.clear = end - start - before
+
+    def obstacle_of(self, contact: Contact) -> ShownBody | None:
+        """Return the obstacle of a contact, None if it was not kept."""
+        return None if self.keyframes is None else self.keyframes.obstacle(
+            contact.deepest_as or contact.obstacle, contact.deepest, contact.x, contact.y)
 
     def since(self, time: int) -> float:
         """Return a time in s since the recording begins."""

@@ -202,7 +202,7 @@ def _draw_scene(result: Result, keyframes: Keyframes, axes: Axes, view: _View | 
     number = keyframes.number(least.time) if least else 0
     time = keyframes.moments[number]
     touching = {body for contact in result.contacts if contact.first <= time <= contact.last
-                for body in (keyframes.footprint(contact.footprint), keyframes.obstacle(contact))}
+                for body in (keyframes.footprint(contact.footprint), result.obstacle_of(contact))}
     of_footprint = colours(result)
     taken: list[Bbox] = []
     spared: list[Bbox] = []

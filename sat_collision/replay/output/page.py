@@ -186,7 +186,7 @@ def _unknown_of(result: Result, name: str, most: int) -> list[tuple[float, float
 def _contact(contact: Contact, result: Result, rows: dict[ShownBody, int],
              names: dict[str, int]) -> dict[str, Any]:
     keyframes = result.keyframes or Keyframes([])
-    bodies = keyframes.footprint(contact.footprint), keyframes.obstacle(contact)
+    bodies = keyframes.footprint(contact.footprint), result.obstacle_of(contact)
     return {
         'footprint': names[contact.footprint], 'obstacle': contact.obstacle,
         'words': distance(contact.least.separation), 'value': contact.least.separation,

@@ -54,7 +54,7 @@ def agree(result, as_live):
         # As live, several contacts may be deepest at one time between messages; one is shown.
         for contact in contacts if not as_live else [max(contacts, key=lambda one: one.depth)]:
             own = result.keyframes.footprint(contact.footprint).at(number)
-            other = result.keyframes.obstacle(contact).at(number)
+            other = result.obstacle_of(contact).at(number)
             assert own.known and other.known
             assert separation(Polygon(own.ring), Polygon(other.ring)) == -contact.depth
 

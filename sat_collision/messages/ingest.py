@@ -228,10 +228,6 @@ class Ingest:
             return self.refuse(settings, _reason_of(error), str(error), now, stamp, instance,
                                number)
         refused, self._refused = self._refused, []
-        examples: dict[str, str] = {}  # the first polygon of each reason
-        for k, problem in refused:
-            self.rejected[name, problem.reason.value] += 1
-            examples.setdefault(problem.reason.value, f'polygon {k}: {problem}')
         if refusal is None or refused or (
                 refusal == TOO_MANY and settings.type == POLYGON_COLLECTION):
             if self._placements is not None:
@@ -242,6 +238,10 @@ class Ingest:
                     name, stamp or now, frame_id, points, affine, instance, *scene.joined(name),
                     followed))
             if refused:
+                examples: dict[str, str] = {}  # the first polygon of each reason
+                for k, problem in refused:
+                    self.rejected[name, problem.reason.value] += 1
+                    examples.setdefault(problem.reason.value, f'polygon {k}: {problem}')
                 return Rejection(name, settings.topic, next(iter(examples)),
                                  '; '.join(examples.values()))
         if refusal is None:

@@ -89,6 +89,9 @@ def kernel(function: Callable[..., Any]) -> Any:
     """
     Compile a module-level function with numba, or return it unchanged.
 
+    Python and other kernels may call it, but no function that numba alone compiles: kernels that
+    it calls would not be linked.
+
     No ``fastmath``: fused or reordered arithmetic would break the error bounds that the exact
     answers rest on. Division by zero gives infinity or NaN in compiled code and must be avoided
     by the caller, because plain Python raises.

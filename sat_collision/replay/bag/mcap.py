@@ -33,7 +33,7 @@ _CHUNK_INDEX, _STATISTICS, _DATA_END = 8, 11, 15
 _NAMES = {_SCHEMA: 'schema', _CHANNEL: 'channel', _MESSAGE: 'message', _CHUNK: 'chunk',
           _MESSAGE_INDEX: 'index', _CHUNK_INDEX: 'index', _STATISTICS: 'statistics'}
 _OF_DATA = _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX
-# Of these, which may be long, so many bytes are read.
+# Of records that may be long only so many bytes are read.
 _LONG, _LONGEST_HEAD = (_MESSAGE, _CHUNK, _MESSAGE_INDEX), 64
 _OF_SUMMARY = _SCHEMA, _CHANNEL, _CHUNK_INDEX, _STATISTICS
 _NOT_OF_SUMMARY = _HEADER, _FOOTER_KIND, _MESSAGE, _CHUNK, _MESSAGE_INDEX, _DATA_END
@@ -284,7 +284,7 @@ class McapFile(Storage):
             for where, kind, size in self._framed(start, self._size - _FOOTER_SIZE):
                 if kind in _OF_SUMMARY:
                     self._take(where, kind, size)
-        except Damage as damage:
+        except Damage as damage:  # a misplaced one has its position first
             self._faults.damaged(f'damaged at its end: {damage.args[-1]}')
 
     def _walk_data(self) -> None:

@@ -105,7 +105,7 @@ def report(result: Result) -> list[str]:
     for source in result.sources:
         for reason, count in source.rejected.items():
             lines.append(f'  {source.name}: {count} messages rejected: {reason}')
-            # Where polygons of a message were refused for several reasons, it is in another one.
+            # A message gives one example, also if its polygons are refused for several reasons.
             if reason in source.examples:
                 lines.append(f'    the first one: {source.examples[reason]}')
     lines += [f'  {source.name}: {source.lost} messages lost when it was recorded'

@@ -111,9 +111,9 @@ def test_what_is_unknown_is_said():
     assert world.text == f'unknown: {"; ".join(world.state().reasons)}'
     world.move(1.1, 0.0).check()
     assert world.text == 'unknown: no path on /plan yet'
-    world.monitor.paths.note_fault('robot.path', 'it has no publisher')
+    world.monitor.paths.note_fault('robot.path', '/plan has no publisher')
     world.check()
-    assert world.text == 'unknown: no path on /plan yet; it has no publisher'
+    assert world.text == 'unknown: /plan has no publisher'
     assert world.plan(STRAIGHT).metres < 5.0
     world.plan([])
     assert world.text == 'unknown: no plan, as the last path on /plan is empty'

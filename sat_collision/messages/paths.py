@@ -55,7 +55,7 @@ class Paths:
         self.latest[name] = ReceivedPath(data)
 
     def note_fault(self, name: str, fault: str) -> None:
-        """Record why no path can come, empty if one can; the last one still counts."""
+        """Record why no path can come, as a sentence; the last one still counts."""
         self.latest[name].fault = fault
 
     def clear(self) -> None:
@@ -135,8 +135,8 @@ class Paths:
             return PathCheck(math.nan, '; '.join(reasons))
         path = latest.path
         if path is None:
-            return PathCheck(math.nan, latest.problem or '; '.join(
-                filter(None, (f'no path on {footprint.path} yet', latest.fault))))
+            return PathCheck(math.nan, latest.problem or latest.fault or
+                             f'no path on {footprint.path} yet')
         if missing:
             return PathCheck(math.nan, f'the path on {footprint.path} has no place: '
                                        f'{missing.lasting}', may_come=missing.may_come)

@@ -49,7 +49,7 @@ from sat_collision.node.parameters import Parameters
 from sat_collision.node.publishers import faults_of
 from sat_collision.node.signals import Signalled
 from sat_collision.node.subscriptions import (
-    CommandSubscriptions, PathSubscriptions, subscribe_transforms, Subscriptions, transform_type)
+    LateSubscriptions, subscribe_transforms, Subscriptions, transform_type)
 from sat_collision.node.watchdog import ClockWatch, Every, Systemd, Watchdog
 from sat_collision.scene.parameters import is_name_of, ParameterError, parameters_by_node
 from sat_collision.scene.settings import NEVER, POLYGON, Settings, TF
@@ -153,8 +153,7 @@ class FootprintMonitor(Node):
         self._is_stalled = False
         self._set_rates(settings)
         inputs = [*self._transform_inputs, *self._inputs.inputs]
-        self._commands = CommandSubscriptions(self, settings, inputs)
-        self._paths = PathSubscriptions(self, settings, inputs)
+        self._late_inputs = LateSubscriptions(self, settings, inputs)
         self.loop = Loop(self, inputs, self, lambda: self._scene.settings.max_batch_delay)
         parameters.on_change(self._configure)
 
@@ -237,7 +236,7 @@ class FootprintMonitor(Node):
         # Commands have the name of their footprint before a dot.
         if (footprint := name.partition('.')[0]) in self._scene.looking_ahead:
             self._looks_first.add(footprint)
-        if self._commands.are_without_stamps(name):
+        if self._late_inputs.are_without_stamps(name):
             messages = [stamped(data) for data in messages]
         if rejections := self._monitor.receive_batch(name, messages, now, number, arrived):
             self._log(rejections)
@@ -335,10 +334,11 @@ class FootprintMonitor(Node):
         for name, publishers in self._inputs.publishers.items():
             if (endpoints := publishers.news(name in self.loop.backlogs)) is not None:
                 self._monitor.update_publishers(name, endpoints)
-        for name, fault in self._commands.follow():
-            self._scene.note_command_fault(name, fault)
-        for name, fault in self._paths.follow():
-            self._monitor.paths.note_fault(name, fault)
+        for name, fault in self._late_inputs.follow():
+            if name in self._monitor.paths.names:
+                self._monitor.paths.note_fault(name, fault)
+            else:
+                self._scene.note_command_fault(name.partition('.')[0], fault)
         for one in self._inputs.inputs:
             if self._inputs.renew(one, self._scene.wants_history(one.name)):
                 self._monitor.renew(one.name)
@@ -390,9 +390,9 @@ class FootprintMonitor(Node):
                    if footprint.enabled for reason in self._scene.unknown_reasons(footprint.name)}
         for reason in sorted(reasons):
             self.get_logger().warning(f'unknown since the start: {reason}')
-        for name, fault in self._commands.faults.items():
+        for name, fault in self._late_inputs.faults.items():
             if fault:
-                self.get_logger().warning(f'{name}: no contact is predicted: {fault}')
+                self.get_logger().warning(f'{name}: {fault}')
         inputs = self._scene.settings.inputs
         if ([(one.topic, one.type) for one in inputs] == _TRIED and not any(
                 self.count_publishers(topic) for topic, _ in _TRIED)):

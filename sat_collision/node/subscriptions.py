@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import Any
+from typing import Any, TypeAlias
 
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped, Twist, TwistStamped
 from rclpy.event_handler import (
@@ -52,11 +52,11 @@ _POLYGON_TYPES: dict[str, type] = {
 _COMMAND_TYPES = {'geometry_msgs/msg/Twist': Twist, 'geometry_msgs/msg/TwistStamped': TwistStamped}
 # Only the last command counts, and nothing depends on having received all of them.
 _COMMAND_QOS = QoSProfile(depth=1, reliability=QoSReliabilityPolicy.BEST_EFFORT)
-
-_PATH_TYPE = 'nav_msgs/msg/Path'
 # Only the last path counts.
 _PATH_QOS = QoSProfile(depth=1, reliability=QoSReliabilityPolicy.BEST_AVAILABLE,
                        durability=QoSDurabilityPolicy.BEST_AVAILABLE)
+_NO_PUBLISHER = 'has no publisher'
+_Late: TypeAlias = CommandSettings | PathSettings
 
 
 class _SupportedEvents(SubscriptionEventCallbacks):  # type: ignore[misc]
@@ -225,129 +225,77 @@ def subscribe_transforms(node: Node, kind: type) -> list[Input]:
         for topic, durability in _DURABILITIES.items()]
 
 
-class _LateSubscriptions:
+class LateSubscriptions:
     """
-    Subscriptions that are made once there is a publisher; `inputs` is kept up to date.
+    Subscribes to commands and paths once they have publishers, with a type that is published.
 
+    Where others have come in place of all of these, or one that offers less, it subscribes anew.
     One in the loop's wait set exists until the loop renews the set, so one of another type on its
-    topic can be made only at the next look at the publishers.
+    topic can be made only at the next look at the publishers. `inputs` is kept up to date.
     """
 
-    def __init__(self, node: Node, inputs: list[Input]) -> None:
+    def __init__(self, node: Node, settings: Settings, inputs: list[Input]) -> None:
         self._node = node
         self._inputs = inputs
-        self._subscribed: dict[str, Input] = {}  # by name
-
-    def _topic(self, name: str) -> str:
-        # The settings have the remapped name, which must not be remapped again.
-        return str(self._node.get_parameter(name).value)
-
-    def _subscribe(self, settings: CommandSettings | PathSettings, kind: type,
-                   qos: QoSProfile) -> str:
-        """Subscribe, in place of a subscription before; return why that failed, or nothing."""
-        try:
-            one = Input(settings.name, self._node.create_subscription(
-                kind, self._topic(settings.name), unused, qos, raw=True))
-        except RuntimeError as error:  # as this process has one of another type
-            return str(error)
-        self._unsubscribe(settings.name)
-        self._subscribed[settings.name] = one
-        self._inputs.append(one)
-        self._node.get_logger().info(f'{settings.name}: {kind.__name__} on {settings.topic}')
-        return ''
-
-    def _unsubscribe(self, name: str) -> None:
-        if one := self._subscribed.pop(name, None):
-            self._inputs.remove(one)
-            self._node.destroy_subscription(one.subscription)
-
-
-class PathSubscriptions(_LateSubscriptions):
-    """
-    Subscribes to paths with the best QoS that their publishers offer, once there are any.
-
-    Where others have come in place of all of them, or one that offers less, it subscribes anew.
-    """
-
-    def __init__(self, node: Node, settings: Settings, inputs: list[Input]) -> None:
-        super().__init__(node, inputs)
-        self._paths = [path for one in settings.footprints if (path := one.path_settings)]
-        # By name, the publishers that there were when it subscribed.
-        self._publishers: dict[str, set[tuple[int, ...]]] = {}
-
-    def follow(self) -> Iterator[tuple[str, str]]:
-        """Subscribe where that is due; yield each name and why no path can come, empty if not."""
-        for settings in self._paths:
-            yield settings.name, self._follow(settings)
-
-    def _follow(self, settings: PathSettings) -> str:
-        name = settings.name
-        found = self._node.get_publishers_info_by_topic(self._topic(name))
-        publishers = {tuple(one.endpoint_gid) for one in found if one.topic_type == _PATH_TYPE}
-        if not publishers:
-            others = ', '.join(sorted({one.topic_type for one in found}))
-            return f'it is published as {others}' if others else 'it has no publisher'
-        one, before = self._subscribed.get(name), self._publishers.get(name, set())
-        # Where one is not heard, what all offer is less than what those of before did.
-        if publishers.isdisjoint(before) or one and not publishers <= before and (
-                one.subscription.get_publisher_count() < len(publishers)):
-            from nav_msgs.msg import Path
-            if fault := self._subscribe(settings, Path, _PATH_QOS):
-                return fault
-            self._publishers[name] = publishers
-        return ''
-
-
-def _unpublished(command: CommandSettings) -> str:
-    return (f'{command.topic} has no publisher: publish the commands there, or correct '
-            f'{command.name}')
-
-
-class CommandSubscriptions(_LateSubscriptions):
-    """
-    Subscribes to commands once the type in which they are published is known.
-
-    A participant cannot subscribe to one topic with two types. So when the published type changes,
-    `follow` destroys the subscription, and creates the next one when it is called again.
-    """
-
-    def __init__(self, node: Node, settings: Settings, inputs: list[Input]) -> None:
-        super().__init__(node, inputs)
-        self._commands = {one.name: one.command for one in settings.footprints if one.command}
-        # Why no command can come to a footprint, by its name; empty if one can.
+        self._wanted: list[tuple[_Late, dict[str, type], QoSProfile]] = []
+        for one in settings.footprints:
+            if command := one.command:
+                self._wanted.append((command, _COMMAND_TYPES, _COMMAND_QOS))
+            if path := one.path_settings:
+                from nav_msgs.msg import Path
+                self._wanted.append((path, {'nav_msgs/msg/Path': Path}, _PATH_QOS))
+        # By name: each subscription, and the publishers that there were when it was made.
+        self._subscribed: dict[str, tuple[Input, set[tuple[int, ...]]]] = {}
+        # By name: why nothing can come, as a sentence; empty if something can.
         self.faults: dict[str, str] = {}
 
     def follow(self) -> Iterator[tuple[str, str]]:
-        """
-        Follow the published type of each command that has no subscription with a publisher.
+        """Subscribe where that is due; yield each name, and why nothing can come, if so."""
+        for settings, kinds, qos in self._wanted:
+            name, fault = settings.name, self._follow(settings, kinds, qos)
+            if fault not in ('', self.faults.get(name)) and _NO_PUBLISHER not in fault:
+                self._node.get_logger().error(f'{name}: {fault}')
+            self.faults[name] = fault
+            yield name, fault
 
-        Yields the name of each footprint and why no command can come to it, empty if one can.
-        """
-        for footprint, command in self._commands.items():
-            one = self._subscribed.get(command.name)
-            fault = ('' if one and one.subscription.get_publisher_count()
-                     else self._follow(command, one))
-            before, self.faults[footprint] = self.faults.get(footprint), fault
-            if fault not in ('', before, _unpublished(command)):
-                self._node.get_logger().error(f'{command.name}: {fault}')
-            yield footprint, fault
-
-    def _follow(self, command: CommandSettings, one: Input | None) -> str:
-        published = {info.topic_type for info in self._node.get_publishers_info_by_topic(
-            self._topic(command.name))}
-        types = published & _COMMAND_TYPES.keys()
-        if not types:
-            return (f'{command.topic} is published as {", ".join(sorted(published))}, but a '
-                    f'command has to be {" or ".join(_COMMAND_TYPES)}' if published
-                    else _unpublished(command))
-        if one and one.subscription.msg_type not in map(_COMMAND_TYPES.get, types):
-            self._unsubscribe(command.name)
-        elif not one and (fault := self._subscribe(command, _COMMAND_TYPES[min(types)],
-                                                   _COMMAND_QOS)):
-            return f'{command.topic}: {fault}'
+    def _follow(self, settings: _Late, kinds: dict[str, type], qos: QoSProfile) -> str:
+        name = settings.name
+        # The settings have the remapped name, which must not be remapped again.
+        topic = self._node.get_parameter(name).value
+        found = {tuple(one.endpoint_gid): one.topic_type
+                 for one in self._node.get_publishers_info_by_topic(topic)}
+        heard = {gid: kinds[kind] for gid, kind in found.items() if kind in kinds}
+        if not heard:
+            return (f'{settings.topic} is published as {", ".join(sorted({*found.values()}))}, '
+                    f'but has to be {" or ".join(kinds)}' if found else
+                    f'{settings.topic} {_NO_PUBLISHER}: publish there, or correct {name}')
+        one, before = self._subscribed.get(name, (None, set()))
+        if one and one.subscription.msg_type not in heard.values():
+            self._unsubscribe(name)
+        # Where one is not heard, what all offer is less than what those of before did.
+        elif not one or before.isdisjoint(heard) or (
+                not before >= heard.keys()
+                and one.subscription.get_publisher_count() < len(heard)):
+            kind = (one.subscription.msg_type if one
+                    else kinds[min(kinds.keys() & found.values())])
+            try:
+                new = Input(name, self._node.create_subscription(
+                    kind, topic, unused, qos, raw=True))
+            except RuntimeError as error:  # as this process has one of another type
+                return f'{settings.topic} cannot be subscribed to: {error}'
+            self._unsubscribe(name)
+            self._subscribed[name] = new, {*heard}
+            self._inputs.append(new)
+            self._node.get_logger().info(f'{name}: {kind.__name__} on {settings.topic}')
         return ''
+
+    def _unsubscribe(self, name: str) -> None:
+        if name in self._subscribed:
+            one, _ = self._subscribed.pop(name)
+            self._inputs.remove(one)
+            self._node.destroy_subscription(one.subscription)
 
     def are_without_stamps(self, name: str) -> bool:
         """Return whether messages of an input are of type Twist, without a header."""
-        one = self._subscribed.get(name)
-        return one is not None and one.subscription.msg_type is Twist
+        return name in self._subscribed and (
+            self._subscribed[name][0].subscription.msg_type is Twist)

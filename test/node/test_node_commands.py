@@ -156,10 +156,10 @@ def test_commands_that_cannot_come_are_warned_of(commanded):
                     and status.message.startswith(
                         f'clear: no contact is predicted: /cmd_vel {words}'), words)
     until_warned('has no publisher')
-    assert running.logged('footprint: no contact is predicted: /cmd_vel has no publisher: ',
+    assert running.logged('footprint.cmd_vel: /cmd_vel has no publisher: ',
                           'correct footprint.cmd_vel')
     publisher = running.node.create_publisher(Bool, 'cmd_vel', 10)
-    wrong = 'is published as std_msgs/msg/Bool, but a command has to be geometry_msgs/msg/Twist '
+    wrong = 'is published as std_msgs/msg/Bool, but has to be geometry_msgs/msg/Twist '
     until_warned(wrong)
     assert running.logged(f'footprint.cmd_vel: /cmd_vel {wrong}')
     running.node.destroy_publisher(publisher)
@@ -184,7 +184,7 @@ def test_distance_follows_path_and_obstacles(planned, qos):
     robot = planned()
     running = robot.running
     robot.until(lambda: running.state() == 'clear', 'a clear state')
-    robot.until_value('path contact', 'unknown: no path on /plan yet; it has no publisher')
+    robot.until_value('path contact', 'unknown: /plan has no publisher: ')
     robot.until_figure(math.nan)
     publisher = running.publisher('/plan', Path, qos)
     publisher.publish(straight(9.0))
@@ -312,5 +312,5 @@ def test_new_planner_is_heard_without_a_gap(start_with_tf, join):
 def test_path_of_another_type_is_named(planned):
     robot = planned()
     robot.running.node.create_publisher(Bool, '/plan', 10)
-    robot.until_value('path contact', 'unknown: no path on /plan yet; it is published as '
-                      'std_msgs/msg/Bool')
+    robot.until_value('path contact', 'unknown: /plan is published as std_msgs/msg/Bool, but '
+                      'has to be nav_msgs/msg/Path')

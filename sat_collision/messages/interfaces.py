@@ -19,8 +19,7 @@ from typing import Any
 try:
     from builtin_interfaces.msg import Duration, Time
     from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-    from geometry_msgs.msg import Point, Point32, PolygonInstanceStamped, PolygonStamped
-    from rclpy.serialization import deserialize_message as deserialize
+    from geometry_msgs.msg import Point, Point32, PolygonStamped
     from rclpy.serialization import serialize_message as serialize
     from sensor_msgs.msg import PointCloud2, PointField
     from std_msgs.msg import Bool, ColorRGBA, Float64
@@ -30,21 +29,19 @@ try:
         """Return bytes as the value of a field of bytes."""
         return array('B', data)
 except ImportError:
-    from sat_collision.messages.rosbags_interfaces import (
-        deserialize, message_classes, octets, serialize)
+    from sat_collision.messages.rosbags_interfaces import message_classes, octets, serialize
     Duration, Time = message_classes('builtin_interfaces', 'Duration', 'Time')
     DiagnosticArray, DiagnosticStatus, KeyValue = message_classes(
         'diagnostic_msgs', 'DiagnosticArray', 'DiagnosticStatus', 'KeyValue')
-    Point, Point32, PolygonInstanceStamped, PolygonStamped = message_classes(
-        'geometry_msgs', 'Point', 'Point32', 'PolygonInstanceStamped', 'PolygonStamped')
+    Point, Point32, PolygonStamped = message_classes(
+        'geometry_msgs', 'Point', 'Point32', 'PolygonStamped')
     PointCloud2, PointField = message_classes('sensor_msgs', 'PointCloud2', 'PointField')
     Bool, ColorRGBA, Float64 = message_classes('std_msgs', 'Bool', 'ColorRGBA', 'Float64')
     Marker, MarkerArray = message_classes('visualization_msgs', 'Marker', 'MarkerArray')
 
 __all__ = ['Bool', 'ColorRGBA', 'DiagnosticArray', 'DiagnosticStatus', 'Duration', 'Float64',
            'KeyValue', 'Marker', 'MarkerArray', 'Point', 'Point32', 'PointCloud2', 'PointField',
-           'PolygonInstanceStamped', 'PolygonStamped', 'Time', 'deserialize', 'octets',
-           'serialize', 'type_name']
+           'PolygonStamped', 'Time', 'octets', 'serialize', 'type_name']
 
 
 def type_name(kind: type) -> str:

@@ -20,19 +20,9 @@ from rosbags.typesys import get_typestore, Stores
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 
-_ENCAPSULATIONS = (b'\x00\x00', b'\x00\x01')  # plain CDR, big and little endian
-
 
 def serialize(message: Any) -> bytes:
-    return bytes(STORE.serialize_cdr(message, type(message).type_name))
-
-
-def deserialize(data: bytes, kind: Any) -> Any:
-    """Return the message of a class of `message_class` that CDR bytes hold."""
-    if bytes(data[:2]) not in _ENCAPSULATIONS:
-        raise ValueError(f'unknown encapsulation {bytes(data[:2]).hex()}')
-    message = STORE.deserialize_cdr(data, kind.type_name)
-    return kind(**{field: getattr(message, field) for field in kind.__slots__})
+    return bytes(STORE.serialize_cdr(message, message.__msgtype__))
 
 
 def octets(data: bytes) -> Any:
@@ -42,23 +32,18 @@ def octets(data: bytes) -> Any:
 
 @functools.cache
 def message_class(name: str) -> type:
-    """Return the class of a type such as std_msgs/msg/Bool: fields by keyword, all optional."""
-    constants, fields = STORE.fielddefs[name]
+    """Return the class of a type such as std_msgs/msg/Bool, whose fields are all optional."""
+    kind: Any = STORE.types[name]
+    _, fields = STORE.fielddefs[name]
 
     def __init__(self: Any, **values: Any) -> None:
-        for field, description in fields:
-            value = values.pop(field) if field in values else _default(description)
-            setattr(self, field, value)
-        if values:
-            raise TypeError(f'{name} has no field {", ".join(values)}')
+        kind.__init__(self, **values, **{field: _default(description)
+                                         for field, description in fields if field not in values})
         if name == 'geometry_msgs/msg/Quaternion' and not (self.x or self.y or self.z):
             self.w = 1.0
 
     package, _, short = name.split('/')
-    return type(short, (), {
-        '__init__': __init__, '__slots__': [field for field, _ in fields],
-        '__module__': f'{package}.msg', '__doc__': f'{name}.', 'type_name': name,
-        **{constant: value for constant, _, value in constants}})
+    return type(short, (kind,), {'__init__': __init__, '__module__': f'{package}.msg'})
 
 
 def message_classes(package: str, *names: str) -> list[Any]:

@@ -25,10 +25,11 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / 'test' / 'support')]
 
 from builders import box, serialised  # noqa: E402
+from geometry_msgs.msg import PolygonStamped  # noqa: E402
 import numpy as np  # noqa: E402
+from rclpy.serialization import deserialize_message as deserialize  # noqa: E402
 from sat_collision.geometry.body.polygon import Polygon, PolygonError  # noqa: E402
 from sat_collision.messages.cdr import decode, MessageError  # noqa: E402
-from sat_collision.messages.interfaces import deserialize, PolygonStamped  # noqa: E402
 from sat_collision.monitor import Monitor, Rejection  # noqa: E402
 from sat_collision.replay.model.configuration import settings_of  # noqa: E402
 from sat_collision.scene.footprints import Status  # noqa: E402

@@ -12,10 +12,11 @@
 from builders import box, SECOND
 import numpy as np
 import pytest
+from rclpy.serialization import deserialize_message as deserialize
 from sat_collision import Polygon
 from sat_collision.geometry.overlap import clip, contact_marks
 from sat_collision.messages.interfaces import (
-    deserialize, DiagnosticArray, Marker, PointCloud2, serialize, Time)
+    DiagnosticArray, Marker, PointCloud2, serialize, Time)
 from sat_collision.messages.markers import Markers, MAX_CONTACTS, MAX_DRAWN
 from sat_collision.messages.outputs import contact_cloud
 from sat_collision.messages.states import coordinate_step, in_words, States

@@ -21,15 +21,16 @@ from typing import Callable, NamedTuple
 from builders import (
     box, collection, command, odometry, path, polygon_2d, polygon_message, SECOND, serialised,
     transforms)
+from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
 from monitors import START
 import numpy as np
 import pytest
+from rclpy.serialization import deserialize_message as deserialize
 from recordings import TYPES
 from sat_collision.messages.cdr import (
     decode, decode_collection, decode_command, decode_odometry, decode_path, decode_polygon_2d,
     decode_transforms, header_stamp, MessageError, stamped)
-from sat_collision.messages.interfaces import (
-    deserialize, PolygonInstanceStamped, PolygonStamped, serialize)
+from sat_collision.messages.interfaces import serialize
 from sat_collision.monitor import Monitor
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from recordings import (
     box, check, declared, losses, LOST, LOST_TOPIC, main, MARKS, nanoseconds, SOURCE, write)
-from sat_collision.messages.interfaces import deserialize, Float64
+from sat_collision.messages.rosbags_interfaces import STORE
 from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.model.result import Limits, MAX_CONTACTS, Options, Verdict
 from sat_collision.replay.output.page import write_page
@@ -361,8 +361,8 @@ def test_written_bag_has_what_the_node_publishes(tmp_path):
     check(bag, replace(OPTIONS, as_live=True, write_bag=str(tmp_path / 'out')))
     topic = '/footprint_monitor/footprint/path_contact_distance'
     with Recording(tmp_path / 'out', Limits()) as recording:
-        found = [(time, deserialize(data, Float64).data) for _, times, row in
-                 recording.rows([topic]) for time, data in zip(times, row)]
+        found = [(time, STORE.deserialize_cdr(data, 'std_msgs/msg/Float64').data)
+                 for _, times, row in recording.rows([topic]) for time, data in zip(times, row)]
     assert all(math.isnan(metres) for time, metres in found if time < nanoseconds(0.5))
     assert {metres for time, metres in found
             if nanoseconds(0.6) <= time < nanoseconds(1.05)} == {math.inf}

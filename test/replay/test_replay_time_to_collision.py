@@ -22,7 +22,7 @@ from published import DATA
 import pytest
 from recordings import (
     box, check, declared, INSTANCE, main, MARKS, nanoseconds, SOURCE, STAMPS, write)
-from sat_collision.messages.interfaces import deserialize, DiagnosticArray, Float64
+from sat_collision.messages.rosbags_interfaces import STORE
 from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.model.result import Limits, Options, Verdict
 
@@ -190,9 +190,10 @@ def published(bag):
             for time, data in zip(received, row):
                 time = Fraction(time - nanoseconds(0.0), SECOND)
                 if topic == topics[0]:
-                    times[time] = deserialize(data, Float64).data
+                    times[time] = STORE.deserialize_cdr(data, 'std_msgs/msg/Float64').data
                 else:
-                    status, = deserialize(data, DiagnosticArray).status
+                    status, = STORE.deserialize_cdr(
+                        data, 'diagnostic_msgs/msg/DiagnosticArray').status
                     states[time] = {one.key: one.value for one in status.values}
     return times, states
 

@@ -577,12 +577,11 @@ def test_path_of_before_the_clock_starts_is_judged_when_it_has():
         assert world.reasons == reasons and math.isnan(world.check().metres) is bool(reasons)
 
 
-def test_path_that_was_too_long_counts_when_it_may_be_so_long():
-    """A plan that is sent once; it is refused once."""
-    world = at_start(AHEAD, settings={'max_path_poses': 10})
-    world.plan(STRAIGHT)
-    for most, known in (20, False), (21, True), (10, True):
-        assert math.isnan(world.use(max_path_poses=most).check().metres) is not known
+def test_next_path_counts_where_it_may_have_more_poses():
+    world = at_start(AHEAD, settings={'max_path_poses': 20})
+    assert math.isnan(world.plan(STRAIGHT).metres)
+    assert math.isnan(world.use(max_path_poses=21).check().metres)
+    assert world.plan(STRAIGHT).metres == world.use(max_path_poses=20).check().metres
     assert world.reasons == ['too many poses']
 
 

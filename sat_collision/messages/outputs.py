@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator
 import math
 import sys
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from sat_collision.geometry.pair.contact import contact
@@ -69,23 +69,14 @@ def contact_cloud(scene: Scene, name: str, stamp: Any) -> Any:
     return cloud
 
 
-class NodeLike(Protocol):
-    """The methods used of a node: one of rclpy, or a stand-in that writes a bag."""
-
-    def get_fully_qualified_name(self) -> str:
-        """Return the name with the namespace."""
-
-    def get_clock(self) -> Any:
-        """Return a clock whose now() has to_msg()."""
-
-    def create_publisher(self, kind: Any, topic: str, qos: Any) -> Any:
-        """Return an object with publish() and get_subscription_count()."""
-
-
 class Outputs:
-    """The publishers of a scene; figures are computed only for topics with subscribers."""
+    """
+    The publishers of a scene; figures are computed only for topics with subscribers.
 
-    def __init__(self, node: NodeLike, settings: Settings, scene: Scene,
+    Their node is one of rclpy, or a stand-in that writes a bag.
+    """
+
+    def __init__(self, node: Any, settings: Settings, scene: Scene,
                  flag_qos: Any = 10, measures: bool = True) -> None:
         self._clock = node.get_clock()
         self._scene = scene
@@ -140,15 +131,6 @@ class Outputs:
             self._common_flag.publish(_FLAGS[True])
         for name in names:
             self._flags[name].publish(_FLAGS[True])
-
-    def publish(self, names: Iterable[str] | None = None) -> None:
-        """Publish the common flag, outputs of some footprints or (None) of all, and all states."""
-        changed = [*(self._flags if names is None else names)]
-        self.publish_flags(changed)
-        if names is None:
-            self.find_subscribers()
-        for _ in self.publish_figures(changed):
-            pass
 
     def publish_flags(self, names: Iterable[str] | None = None) -> None:
         """Publish the common flag, and those of some footprints or (None) of all."""

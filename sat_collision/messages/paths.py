@@ -82,13 +82,9 @@ class Paths:
         return rejections
 
     def read(self, settings: PathSettings, now: int) -> list[Rejection]:
-        """
-        Decode a path that was received, once the clock runs; return the Rejection if refused.
-
-        One of too many poses is decoded again when it may have so many.
-        """
+        """Decode a path that was received, once the clock runs; return why it is refused if so."""
         latest, most = self.latest[settings.name], self._scene.settings.max_path_poses
-        if not now or latest.data is None or latest.too_many > most:
+        if not now or latest.data is None:
             return []
         data, latest.data, latest.problem = latest.data, None, ''
         try:
@@ -98,7 +94,6 @@ class Paths:
                        str(error))
         else:
             if isinstance(poses, int):
-                latest.data, latest.too_many = data, poses
                 problem = TOO_MANY_POSES, f'{poses} poses, where max_path_poses is {most}'
             elif not len(poses):
                 latest.problem = f'no plan, as the last path on {settings.topic} is empty'
@@ -169,5 +164,4 @@ class ReceivedPath:
     frame_id: str = ''  # that it is in: as sent, until it is moved to the fixed one
     path: FollowedPath | None = None  # None, too, if it is empty or was refused
     problem: str = ''  # why there is none
-    too_many: int = 0  # the number of its poses, if it was refused for that
     fault: str = ''  # why no other can come

@@ -484,7 +484,7 @@ class _Check:
             timer.due = start
         self._due = start if self._timers else NEVER
 
-    def _change(self, changed: Iterable[str], now: int) -> None:
+    def _change(self, changed: Collection[str], now: int) -> None:
         self._timeline.change(changed, now)
         if self._outputs:
             self._outputs.change(changed, now)

@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, TypeAlias
@@ -53,22 +53,28 @@ class BagOutputs:
         self.fault: Exception | None = None  # then nothing more is written
         self._writer = _new_bag(Path(path))
         self._scene = monitor.scene
+        self._footprints = [one.name for one in settings.footprints]
         self._outputs = Outputs(self, settings, monitor.scene)
         self._paths = monitor.paths
 
-    def change(self, names: Iterable[str], now: int) -> None:
+    def change(self, names: Collection[str], now: int) -> None:
         """Write what the node publishes when states change."""
         self._time = now
         self._outputs.update(names)
-        self._outputs.publish(names)
+        self._publish(names)
 
     def publish(self, now: int) -> None:
         """Write what the node publishes periodically: flags, states and what paths meet."""
         self._time = now
-        self._outputs.publish()
+        self._publish(self._footprints)
         self._paths.check(now)
         for name in self._scene.path_checks:
             self._outputs.publish_path(name)
+
+    def _publish(self, names: Collection[str]) -> None:
+        self._outputs.publish_flags(names)
+        for _ in self._outputs.publish_figures(names):
+            pass
 
     def publish_markers(self, now: int) -> None:
         self._time = now

@@ -13,12 +13,10 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Callable, Mapping
-from functools import partial
 from typing import Any
 
 from rcl_interfaces.msg import (
     FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult)
-from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -53,9 +51,6 @@ class Parameters:
         check_names_given(self._given, self._specs)
         self.settings = self._read()
         node.add_post_set_parameters_callback(self._apply)
-        for service in node.services:
-            if answer := _ANSWERS.get(service.srv_type):
-                service.callback = partial(answer, service.callback)
 
     def on_change(self, callback: Callable[[Settings], None]) -> None:
         """Call `callback(settings)` whenever parameters have been changed."""
@@ -117,27 +112,6 @@ class Parameters:
             return changes[name] if name in changes else self._node.get_parameter(name).value
         return read_settings(self._footprints, self._obstacles, value,
                              self._node.resolve_topic_name)
-
-
-# The callbacks of rclpy raise ValueError for an unknown type of parameter.
-def _set_each(callback: Callable[..., Any], request: Any, response: Any) -> Any:
-    for parameter in request.parameters:
-        try:
-            callback(SetParameters.Request(parameters=[parameter]), response)
-        except ValueError as error:
-            response.results.append(SetParametersResult(successful=False, reason=str(error)))
-    return response
-
-
-def _set_all(callback: Callable[..., Any], request: Any, response: Any) -> Any:
-    try:
-        return callback(request, response)
-    except ValueError as error:
-        response.result = SetParametersResult(successful=False, reason=str(error))
-        return response
-
-
-_ANSWERS = {SetParameters: _set_each, SetParametersAtomically: _set_all}
 
 
 def _plain(value: Any) -> Any:

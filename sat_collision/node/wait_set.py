@@ -96,7 +96,13 @@ class WaitSet:
             kind = service.srv_type
             request, header = service.handle.service_take_request(kind.Request)
             if header is not None:
-                service.send_response(service.callback(request, kind.Response()), header)
+                response = kind.Response()
+                try:
+                    response = service.callback(request, response)
+                except ValueError as error:  # a parameter of a type that is none
+                    self._node.get_logger().warning(
+                        f'a request of {service.srv_name} was refused: {error}')
+                service.send_response(response, header)
 
     def take_others(self, ready: set[int] | None) -> None:
         """Take a message of each other ready subscription, such as /clock; None for all."""

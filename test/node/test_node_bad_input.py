@@ -90,11 +90,9 @@ def test_parameter_of_no_type_is_refused(start, service, name):
         Parameter(name='margin', value=ParameterValue(type=kind, double_value=2.0))
         for kind in (200, ParameterType.PARAMETER_DOUBLE)]))
     monitor.until(answer.done)
-    results = getattr(answer.result(), 'results', None) or [answer.result().result]
-    assert [one.successful for one in results] == [False, True][:len(results)]
-    assert '200' in results[0].reason
-    margin = monitor.monitor.get_parameter('margin').value
-    assert margin == (2.0 if service is SetParameters else 0.0)
+    assert answer.result() == service.Response()
+    assert monitor.logged(f'a request of {monitor.name}/{name} was refused', '200')
+    assert monitor.set_parameters(margin=2.0) == [None]
 
 
 def test_parameter_changes_are_reported(start):

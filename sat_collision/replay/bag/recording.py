@@ -31,8 +31,6 @@ _STORAGE = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 _ROS_1 = b'#ROSBAG V'
 # Transient local, as rosbag2 names and numbers it.
 _LATCHED = 'transient_local', 1
-# By how many ns times in metadata.yaml may be rounded.
-_ROUNDING = 10**6
 
 
 class Recording(Storage):
@@ -70,8 +68,6 @@ class Recording(Storage):
         except OSError as error:
             self._faults.damaged(in_one_line(error))
         self._compare(self.counts)
-        if self._metadata and not self._metadata.files_spans:
-            _compare_times(self._faults, self, self._metadata.span)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -189,12 +185,8 @@ class Recording(Storage):
         except (Damage, OSError) as error:
             faults.damaged(in_one_line(error))
             return
-        part = (McapFile(plain, faults, self._limits) if plain.suffix == '.mcap' else
-                SqliteFile(plain, faults, self._scratch, self._limits))
-        self._add(part)
-        if self._metadata:
-            _compare_times(faults, part,
-                           self._metadata.files_spans.get(file.name.removesuffix('.zstd')))
+        self._add(McapFile(plain, faults, self._limits) if plain.suffix == '.mcap' else
+                  SqliteFile(plain, faults, self._scratch, self._limits))
 
     def _open_by_rosbag2(self, missing: str) -> None:
         """Read all with rosbag2_py instead, as nothing else here can decompress it."""
@@ -241,14 +233,6 @@ class Recording(Storage):
                                  'messages of {0}, but {1} are there')
 
 
-class Span(NamedTuple):
-    """A number of messages, and the times of the first and the last of them, in ns."""
-
-    messages: int
-    start: int
-    end: int
-
-
 class Metadata(NamedTuple):
     """The content of metadata.yaml."""
 
@@ -257,8 +241,6 @@ class Metadata(NamedTuple):
     total: int
     profiles: list[tuple[str, Any]]  # the QoS profiles of publishers, by topic
     packed: bool  # whether files or messages are compressed one by one
-    span: Span | None  # of the whole recording
-    files_spans: dict[str, Span]  # by the name of the file without .zstd, as far as given
 
 
 class _Loader(yaml.SafeLoader):
@@ -290,41 +272,9 @@ def read_metadata(path: Path, max_bytes: int) -> Metadata:
         name = _entry(described, 'name', str)
         counts[name] = counts.get(name, 0) + _entry(topic, 'message_count', int)
         profiles.append((name, described.get('offered_qos_profiles')))
-    spans = {}
-    described = information.get('files')
-    for file in described if isinstance(described, list) else []:
-        span = _span(file)
-        if span and isinstance(file.get('path'), str):
-            spans[Path(file['path']).name.removesuffix('.zstd')] = span
     return Metadata([Path(name).name for name in files], counts,
                     _entry(information, 'message_count', int), profiles,
-                    bool(information.get('compression_mode')), _span(information), spans)
-
-
-def _span(described: Any) -> Span | None:
-    """Return the span of a recording or a file; None if it is not given."""
-    try:
-        start = _entry(_entry(described, 'starting_time', dict), 'nanoseconds_since_epoch', int)
-        duration = _entry(_entry(described, 'duration', dict), 'nanoseconds', int)
-        return Span(_entry(described, 'message_count', int), start, start + duration)
-    except Damage:
-        return None
-
-
-def _compare_times(faults: Faults, found: Storage, announced: Span | None) -> None:
-    """
-    Record that messages are not those that metadata.yaml announces, though as many.
-
-    Recorders announce less than there is if messages are in disorder, and of other numbers of
-    messages than they wrote, as in a snapshot, also times that they did not write.
-    """
-    if (announced and found.start is not None and found.end is not None
-            and found.counts.total() == announced.messages
-            and (found.start > announced.start + _ROUNDING
-                 or found.end < announced.end - _ROUNDING)):
-        faults.differs('span', 'metadata.yaml announces messages from {:.3f} s to {:.3f} s, but '
-                       'they are from {:.3f} s to {:.3f} s'.format(*(time / 1e9 for time in (
-                           *announced[1:], found.start, found.end))))
+                    bool(information.get('compression_mode')))
 
 
 def _entry(content: Any, key: str, kind: type) -> Any:

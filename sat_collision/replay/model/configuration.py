@@ -240,16 +240,15 @@ def check_shared_topics(inputs: Iterable[FootprintSettings | ObstacleSettings]) 
     `StampOrder` orders the messages of a topic in one way: with the mark of their set, as those of
     a map, or each by its stamp.
     """
-    taken = [one for one in inputs if one.enabled and is_subscribed(one)]
-    for what, is_so in (('ends its sets with a mark and {} does not', has_marks),
-                        ('is a map and {} is not', is_map)):
-        for source in filter(is_so, taken):
-            for other in taken:
-                if other.topic == source.topic and not is_so(other):
-                    raise ParameterError(
-                        f'{source.topic}: {source.name} {what.format(other.name)}, so by recorded '
-                        'motion one would count at a wrong time: check one of them at a time, or '
-                        'both with --as-live')
+    taken: dict[str, FootprintSettings | ObstacleSettings] = {}
+    for one in inputs:
+        if one.enabled and is_subscribed(one):
+            other = taken.setdefault(one.topic, one)
+            if (has_marks(one), is_map(one)) != (has_marks(other), is_map(other)):
+                raise ParameterError(
+                    f'{one.topic}: only one of {other.name} and {one.name} ends its sets with a '
+                    'mark, or is a map, so by recorded motion one would count at a wrong time: '
+                    'check one of them at a time, or both with --as-live')
 
 
 def missing_topics(settings: Settings, types: Mapping[str, str]) -> Iterator[str]:

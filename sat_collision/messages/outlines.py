@@ -174,9 +174,9 @@ class Outlines:
         if found.at - time > min(in_ns(one.settings.timeout), VELOCITY_LASTS):
             # Another publisher moves its frame by now.
             return None
-        body = self._transforms.frames.newest(child, one.settings.frame_id)
         where = self._transforms.lookup_affine(child, found.at, found.at)
-        if isinstance(body, NoTransform) or body.at is not None or isinstance(where, NoTransform):
+        is_fixed = self._transforms.frames.newest(child, one.settings.frame_id) is None
+        if not is_fixed or isinstance(where, NoTransform):
             # The outline may turn in the frame of the odometry.
             return None
         return Velocity.in_frame(where.affine, twist, ODOMETRY)

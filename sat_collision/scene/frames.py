@@ -66,18 +66,11 @@ _Steps: TypeAlias = dict[str, FixedTransform]
 _Link: TypeAlias = tuple[str, Transform]
 
 
-class Located(NamedTuple):
-    """Where a frame is in another."""
-
-    pose: FixedTransform  # from the one to the other
-    at: int | None  # the time that it holds for in ns, None for all times
-
-
 class Mapped(NamedTuple):
     """The map from the plane of a frame to that of another."""
 
     affine: Affine2D
-    at: int | None  # as in `Located`
+    at: int | None  # the time that it holds for in ns, None for all times
 
 
 class NoTransform(NamedTuple):
@@ -213,24 +206,23 @@ class Frames:
             return False
         return True
 
-    def lookup(self, target: str, source: str, stamp: int) -> Located | NoTransform:
-        """Return where the source frame was in the target frame at a time."""
+    def lookup(self, target: str, source: str, stamp: int) -> FixedTransform | NoTransform:
+        """Return the transform from the source frame to the target frame at a time."""
         if source == target:
-            return Located(IDENTITY, stamp)
+            return IDENTITY
         below, top = self._climb(source, stamp, (target,))
         if top == target:
-            return Located(_transform_to(target, below), stamp)
+            return _transform_to(target, below)
         if top:
             above, common = self._climb(target, stamp, below)
             if common in below:
-                return Located(relative(_transform_to(common, above),
-                                        _transform_to(common, below)), stamp)
+                return relative(_transform_to(common, above), _transform_to(common, below))
         return self._explain(target, source, stamp)
 
     def newest(self, target: str, source: str, oldest: float = -NEVER,
-               now: float = NEVER) -> Located | NoTransform:
+               now: float = NEVER) -> int | None | NoTransform:
         """
-        Return where the source frame is in the target frame, at the latest time known for both.
+        Return the latest time for which both frames are known, None if that is any time.
 
         A time before `oldest` is not accepted. One after `now` counts only while the last
         transforms received are after `now`: those of a clock that is ahead count at once, but one
@@ -243,8 +235,7 @@ class Frames:
         path = chain(takewhile(common.__ne__, below), takewhile(common.__ne__, above))
         tracks = [self._moving[frame] for frame in path if frame in self._moving]
         if not tracks:
-            found = self.lookup(target, source, 0)
-            return found._replace(at=None) if isinstance(found, Located) else found
+            return None
         time = min(track.stamps[-1] for track in tracks)
         if time > now:
             time = min(track.newest(now) for track in tracks)
@@ -252,28 +243,30 @@ class Frames:
             return NoTransform(
                 OLD_LATEST, f'no transform from {in_words(source)} to {in_words(target)}: the '
                 f'newest is past the timeout by {_seconds(oldest - time)}', True)
-        return self.lookup(target, source, time)
+        return time
 
     def lookup_affine(self, target: str, source: str, stamp: int, oldest: float = -NEVER,
                       now: float = NEVER) -> Mapped | NoTransform:
         """
         Return the map from the plane of a frame to that of another.
 
-        At a time it is as `lookup` has it; for a stamp of 0 it is as `newest` has it.
+        A stamp of 0 stands for the time that `newest` returns.
         """
         key = target, source, stamp
         if (known := self._maps.get(key)) is not None:
             return known
-        found = (self.lookup(target, source, stamp) if stamp
-                 else self.newest(target, source, oldest, now))
-        if isinstance(found, NoTransform):
-            return found
-        angle = tilt(found.pose)
+        at = stamp or self.newest(target, source, oldest, now)
+        if isinstance(at, NoTransform):
+            return at
+        pose = self.lookup(target, source, at or 0)
+        if isinstance(pose, NoTransform):
+            return pose
+        angle = tilt(pose)
         if angle > self._max_tilt:
             return NoTransform(
                 TILTED, f'{in_words(source)} is tilted by {math.degrees(angle):.1f} degrees in '
                 f'{in_words(target)}, more than {math.degrees(self._max_tilt):g}', False)
-        mapped = Mapped(affine_of(found.pose), found.at)
+        mapped = Mapped(affine_of(pose), at)
         if stamp:
             if len(self._maps) >= _MAX_MAPS:
                 self._maps.clear()

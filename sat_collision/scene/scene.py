@@ -79,6 +79,7 @@ class Scene(SceneView):
                         for source in settings.obstacles}
         self._footprints = {footprint.name: Footprint(footprint)
                             for footprint in settings.footprints}
+        self._receivers = {**self._footprints, **self.sources}
         self._evaluator = Evaluator(self._footprints, self.sources, self._contacts, settings)
         for footprint in self._footprints.values():
             self._invalidate(footprint, _NOT_RECEIVED)
@@ -307,8 +308,7 @@ class Scene(SceneView):
 
     def interrupt(self, name: str) -> None:
         """Record that the next message of a name is not known to continue the one before."""
-        receiver: Footprint | Source = self.sources.get(name) or self._footprints[name]
-        receiver.stream.interrupt()
+        self._receivers[name].stream.interrupt()
 
     def lose(self, name: str) -> None:
         """Record that messages were lost before the next one, if a source is told so."""

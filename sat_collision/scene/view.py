@@ -12,7 +12,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from itertools import chain
 from typing import NamedTuple
@@ -46,6 +46,7 @@ class SceneView:
     _contacts: Contacts
     sources: dict[str, Source]  # by name
     _footprints: dict[str, Footprint]
+    _receivers: dict[str, Footprint | Source]  # both
 
     @property
     def footprints(self) -> list[tuple[str, Polygon]]:
@@ -82,8 +83,7 @@ class SceneView:
 
     def settings_of(self, name: str) -> FootprintSettings | ObstacleSettings:
         """Return the settings of a footprint or source by its name."""
-        source = self.sources.get(name)
-        return source.settings if source else self._footprints[name].settings
+        return self._receivers[name].settings
 
     def footprint_timeout(self, source: str) -> float:
         """Return the least timeout in s of enabled footprints that monitor a source, or 0.0."""
@@ -173,5 +173,4 @@ class SceneView:
 
     def lost(self) -> Counter[str]:
         """Return the number of messages that were sent but not received, by name."""
-        receivers: Mapping[str, Footprint | Source] = {**self._footprints, **self.sources}
-        return +Counter({name: one.stream.lost for name, one in receivers.items()})
+        return +Counter({name: one.stream.lost for name, one in self._receivers.items()})

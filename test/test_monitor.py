@@ -13,12 +13,11 @@ from dataclasses import replace
 import math
 
 from builders import box, SECOND, serialised
-from monitors import BOW_TIE, CIRCLE, clear_monitor, NOW, SETTINGS, status
+from monitors import BOW_TIE, CIRCLE, clear_monitor, NOW, SETTINGS, status, with_changes
 import pytest
 from sat_collision.monitor import Monitor
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.streams import Endpoint
-from stage import with_changes
 
 INPUTS = ('robot', None), ('lidar', None), ('tracks', 5)
 

@@ -13,8 +13,8 @@ from dataclasses import replace
 import math
 
 from builders import box, serialised, transforms
-from driving import Robot, robot_that_sees_nothing, SETS, SETTINGS
-from monitors import nanoseconds, START
+from monitors import (
+    DRIVING, nanoseconds, Robot, robot_that_sees_nothing, SETS, START, with_changes)
 from moving_scenes import FIXED, MovingScene, OUTLINE, WINDOW, WINDOWS
 import oracle
 import pytest
@@ -27,7 +27,6 @@ from sat_collision.scene.frames import BAD_TRANSFORM
 from sat_collision.scene.settings import (
     BY_ANOTHER_CLOCK, FootprintSettings, ObstacleSettings, Settings)
 from sat_collision.scene.streams import Endpoint
-from stage import with_changes
 
 
 @pytest.fixture
@@ -106,7 +105,7 @@ def test_settings_of_transforms_can_be_changed_live(robot):
 
 def test_without_transforms_other_frames_are_refused_at_once():
     """Without tf2_msgs, or without /tf in a recording."""
-    rejection = Monitor(SETTINGS).receive('lidar', serialised(box(0), START, 'laser', 1), START)
+    rejection = Monitor(DRIVING).receive('lidar', serialised(box(0), START, 'laser', 1), START)
     assert rejection.reason == 'other frame'
 
 
@@ -322,7 +321,7 @@ def test_frame_in_which_a_map_was_sent_does_not_matter_for_the_next():
     ('laser', TF, ('odom', 'base')), ('map', TF_STATIC, ('odom', 'map'))])
 def test_map_is_requested_again_once_its_transform_has_come(frame_id, topic, link):
     """A latched map is sent only once, and at the start transforms may come later."""
-    robot = Robot(with_changes(SETTINGS, 'lidar', timeout=0.0, set_end='empty_polygon'))
+    robot = Robot(with_changes(DRIVING, 'lidar', timeout=0.0, set_end='empty_polygon'))
     robot.see(box(9), 'none', frame_id)
     robot.at(5.0).see((), 'none', frame_id)
     assert len(robot.reasons) == 1 and not robot.scene.wants_history('lidar')

@@ -534,16 +534,6 @@ def test_quaternions_of_any_length_are_orientations(size):
     assert found.metres == pytest.approx(1.75, abs=1e-3) and not found.is_by_travel
 
 
-def test_damaged_paths_are_refused():
-    world = at_start(AHEAD)
-    data = path(STRAIGHT)
-    for size in range(0, len(data), 5):
-        world.monitor.receive('robot.path', data[:size], world.now, None)
-        if size:
-            assert math.isnan(world.check().metres)
-    assert set(world.reasons) == {'undecodable'}
-
-
 def test_outline_that_is_lost_in_rounding_is_unknown():
     corner = 0.0, 0.0, 2.0, 0.0, 2.0, 0.5, 0.5, 0.5, 0.5, 2.0, 0.0, 2.0
     world = at_start(AHEAD, points=corner)

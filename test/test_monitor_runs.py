@@ -346,28 +346,9 @@ def test_more_than_max_count_is_refused():
     assert world.status() == 'clear'
 
 
-def test_undecodable_message_is_refused():
-    world = Collections()
-    world.see(box(5))
-    assert world.receive('lidar', collection([box(5)], NOW)[:-1]).reason == 'undecodable'
-    assert world.status() == 'unknown'
-    world.see(box(5))
-    assert world.status() == 'clear'
-
-
 def test_set_without_obstacles_needs_no_frame():
     world = Collections(frame_id='map')
     assert world.see(frame_id='nowhere') is None
-    assert world.status() == 'clear'
-
-
-def test_later_set_needs_only_its_own_transform():
-    """The one before it waits in vain, and its obstacles are replaced."""
-    world = Collections(frame_id='map')
-    world.receive_transforms(TF_STATIC, ('map', 'odom', 0, 0.0, 10.0))
-    world.see(box(0.5), frame_id='lost')
-    assert world.status() == 'unknown'
-    world.see(box(0.5), frame_id='odom')
     assert world.status() == 'clear'
 
 
@@ -378,16 +359,6 @@ def test_polygons_far_from_the_footprint_as_received_meet_it_where_their_frame_i
     for at, status in ((50, 'collision'), (60, 'clear'), (50, 'collision')):
         world.see(box(90), box(at), box(70), frame_id='odom')
         assert world.status() == status
-
-
-def test_map_follows_its_frame():
-    """A static transform that is corrected moves a map that was sent once."""
-    world = Collections(frame_id='map', timeout=0.0)
-    world.receive_transforms(TF_STATIC, ('map', 'odom', 0, 0.0, 10.0))
-    world.see(box(0.5), box(20), frame_id='odom')
-    assert world.status() == 'clear'
-    world.receive_transforms(TF_STATIC, ('map', 'odom', 0, 0.0, 0.5))
-    assert world.status() == 'collision'
 
 
 @pytest.mark.parametrize('seed', range(30))

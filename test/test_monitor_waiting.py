@@ -12,14 +12,13 @@
 from dataclasses import replace
 
 from builders import box, serialised, transforms
-from driving import Robot, robot_that_sees_nothing, SETS, SETTINGS
-from monitors import BOW_TIE, CIRCLE, nanoseconds
+from monitors import (
+    BOW_TIE, CIRCLE, DRIVING, nanoseconds, Robot, robot_that_sees_nothing, SETS, with_changes)
 import pytest
 from sat_collision.scene import frames
 from sat_collision.scene.obstacles import ObstacleId
 from sat_collision.scene.settings import ObstacleSettings, TF
 from sat_collision.scene.streams import Endpoint
-from stage import with_changes
 
 
 @pytest.fixture
@@ -44,7 +43,7 @@ def test_obstacle_behind_a_waiting_one_counts_once_it_has_a_place(robot):
         robot.see(box(x), 1.05, 'odom', instance)
     assert robot.state().contacts == (ObstacleId('lidar', 7),)
     assert [x for x, *_ in robot.seen] == [20, 21, 0.5]
-    robot.see(box(-1), 1.05, 'base', 8)
+    robot.see(box(-1.5), 1.05, 'base', 8)
     assert len(robot.seen) == 3
     robot.move(1.1)
     assert len(robot.seen) == 4 and 'lidar' in robot.monitor.waiting
@@ -89,14 +88,15 @@ def test_obstacles_that_count_while_queued_are_bounded(robot):
 MARKS = {'timeout': 5.0, 'set_end': 'empty_polygon'}
 
 
-@pytest.mark.parametrize('source', [MARKS, {**MARKS, 'timeout': 0.0}, {'set_end': 'each_message'}],
-                         ids=['marks', 'map', 'each message'])
+@pytest.mark.parametrize('source', [MARKS, {**MARKS, 'timeout': 0.0}, {'set_end': 'each_message'},
+                                    {'type': 'polygon_collection'}],
+                         ids=['marks', 'map', 'each message', 'collection'])
 def test_later_whole_listing_needs_only_its_own_bodies_placed(source):
     """Also where the transform of its last one comes later; the body without one is refused."""
     for frame in 'odom', 'base':
-        robot = Robot(replace(SETTINGS, obstacles=(
+        robot = Robot(replace(DRIVING, obstacles=(
             ObstacleSettings('lidar', '/polygons', **source),)))
-        has_marks = source['set_end'] == 'empty_polygon'
+        has_marks = 'timeout' in source
         robot.stand(0)
         robot.see(box(20), frame_id='camera')
         if has_marks:

@@ -9,7 +9,9 @@
 
 """Messages made from a scene: states, points of contact, markers and their labels."""
 
+from bodies import as_shapely
 from builders import box, SECOND
+from monitors import square
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message as deserialize
@@ -26,7 +28,6 @@ from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings
 import shapely
 import shapes
-from stage import square
 
 
 def collision(count, *reasons):
@@ -158,12 +159,6 @@ def test_markers_draw_the_normals():
 U_SHAPE = [(0, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)]
 
 
-def shape(ring):
-    """Return the shapely geometry of a ring."""
-    kind = {1: shapely.Point, 2: shapely.LineString}.get(len(ring), shapely.Polygon)
-    return kind(ring if len(ring) > 1 else ring[0])
-
-
 def marks(one, other):
     return contact_marks(Polygon(one), Polygon(other))
 
@@ -177,7 +172,7 @@ def test_overlap_of_convex_bodies_against_shapely():
             angles = np.sort(random.uniform(0, 2 * np.pi, random.integers(3, 12)))
             rings.append(np.column_stack([np.cos(angles), np.sin(angles)])
                          + random.uniform(-1, 1, 2))
-        bodies = [shape(ring) for ring in rings]
+        bodies = [as_shapely(ring) for ring in rings]
         shared = clip(*rings)
         area = shapely.intersection(*bodies).area
         assert shapely.Polygon(shared).area == pytest.approx(area, abs=1e-9) if len(shared) else (
@@ -204,10 +199,10 @@ def test_overlap_of_convex_bodies_against_shapely():
 def test_marks_of_contacts_against_shapely(one, other, x, y):
     """A point, a segment or an area, in either order, near the origin and far away."""
     one, other = ([(px + x, py + y) for px, py in ring] for ring in (one, other))
-    wanted = shapely.intersection(shape(one), shape(other))
+    wanted = shapely.intersection(as_shapely(one), as_shapely(other))
     for found in (marks(one, other), marks(other, one)):
         assert {min(len(mark), 3) - 1 for mark in found} == {shapely.get_dimensions(wanted)}
-        shared = shapely.union_all([shape(mark) for mark in found])
+        shared = shapely.union_all([as_shapely(mark) for mark in found])
         assert shapely.hausdorff_distance(shared, wanted) < 1e-6 * (1 + abs(y) / 1e3)
 
 

@@ -19,7 +19,7 @@ import random
 import sys
 import time
 
-from knowing_messages import MODES, MOVING
+from knowing_events import MODES, MOVING
 from knowing_world import replayed, World
 from sat_collision.scene.settings import EACH_MESSAGE
 

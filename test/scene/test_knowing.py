@@ -12,7 +12,7 @@
 from functools import wraps
 
 from knowing import explore, problem_of
-from knowing_messages import MODES
+from knowing_events import MODES
 import pytest
 from sat_collision.messages.ingest import Ingest
 from sat_collision.messages.rejections import Rejection

@@ -125,6 +125,7 @@ class Heard:
     ('^a500 .1@500 1500', 'a', True),
     ('^.1@500 1001', '', True),
     ('^.1@500 1002', '', False),
+    ('^a1 b1001 .1001', 'ab', True),
     ('^a1 b1002 .1002', 'b', False),
     # What is newer counts until it and the last whole set are older than the timeout.
     ('^a500 .500 !b1@600 1500', 'ab', True),
@@ -157,6 +158,7 @@ def test_sets_that_end_with_an_empty_polygon(messages, held, is_known):
     ('^a1 .2 b3', 'b', True),
     ('^a1 .2 b3 c4', 'bc', True),
     ('^a1 .2 b2 c3', 'bc', True),
+    ('^a1 .5 b3 c6 1004', 'bc', True),
     ('^a1 .1', 'a', False),
     ('^a1 .1 b2', 'ab', True),
     # What cannot be read may be of the set before or the next; a stamp tells which.
@@ -251,7 +253,8 @@ def test_maps(set_end, messages, held, is_known):
     ('^a1 b501 c1102 D1200 d1800 e2301', 'de', True),
     # Stamps that stand and go back by no more than the timeout.
     ('^a501 b501 c1 d501', 'abcd', False),
-    ('^a1 b501 c1102 d900', 'bcd', True)])
+    ('^a1 b501 c1102 d900', 'bcd', True),
+    ('^a1 b501 c1102 d900 2102', 'bcd', True)])
 def test_polygons_that_are_sent_again_and_again(messages, held, is_known):
     """Rule 5: right without any declaration."""
     assert Heard('none').feed(messages) == (held, is_known)
@@ -304,7 +307,10 @@ def test_ids(messages, held, is_known):
     ('none', False, '^a1 b501 c502', 'ab', False),
     ('none', True, '^a1 b501 c502', 'ab', False),
     ('none', True, '^a1 z501 b502', 'az', False),
-    ('none', True, '^a1 z501 a1', 'az', False)])
+    ('none', True, '^a1 z501 a1', 'az', False),
+    # A place beside the newest one takes room until that is gone.
+    ('none', True, '^a1 a1 b501', 'aa', False),
+    ('none', True, '^a1 a1 a2 b501 a1102', 'ab', True)])
 def test_room_for_two(set_end, has_ids, messages, held, is_known):
     """Rule 17: max_count bounds one listing; without any, what is held in all."""
     heard = Heard(set_end, has_ids, max_count=2)

@@ -7,18 +7,20 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""A scene of one or two footprints: what it receives, its frame and clock, what it reports."""
+"""A scene of footprints: what it receives, its frame and clock, what it reports, contacts."""
 
 from dataclasses import replace
 
+from monitors import (
+    CART, clear_stage, EVERY_KIND, INSTANCES, LIDAR, NOT_RECEIVED, NOTHING_SENT, POLYGONS, REFUSED,
+    ROBOT, square, Stage, START, TOO_OLD, UNTIMED_LIDAR, UNTIMED_ROBOT, with_robot)
 import pytest
+from sat_collision.scene.contacts import Contacts
 from sat_collision.scene.footprints import Footprint, Status
-from sat_collision.scene.obstacles import ObstacleId
+from sat_collision.scene.obstacle_store import KeyedGroup, ObstacleStore
+from sat_collision.scene.obstacles import Obstacle, ObstacleId
 from sat_collision.scene.scene import OVERTAKEN
 from sat_collision.scene.sources import TOO_OLD as OLD_OBSTACLE
-from stage import (
-    CART, clear_stage, EVERY_KIND, LIDAR, NOT_RECEIVED, NOTHING_SENT, POLYGONS, RADAR, REFUSED,
-    ROBOT, Stage, TOO_OLD, UNTIMED_LIDAR, UNTIMED_ROBOT, with_robot)
 
 
 def changed(stage):
@@ -28,36 +30,6 @@ def changed(stage):
 
 def test_everything_is_unknown_before_any_message():
     assert Stage().state() == (Status.UNKNOWN, (), (NOT_RECEIVED, NOTHING_SENT), None)
-
-
-def test_obstacle_moves_into_contact_and_away():
-    stage = clear_stage()
-    for time, x, status in ((0.1, 5, 'clear'), (0.2, 1, 'collision'), (0.3, 0.3, 'collision'),
-                            (0.4, -1.01, 'clear')):
-        assert stage.at(time).send(x).status() == status
-
-
-def test_footprint_moves_into_contact_and_away():
-    stage = Stage().send(0, 4, 5)
-    for x, keys in ((2, []), (3, [1]), (4.5, [1, 2]), (6.5, []), (0, [0])):
-        stage.robot(x)
-        assert stage.state().contacts == tuple(ObstacleId('lidar', key) for key in keys)
-        assert stage.status() == ('collision' if keys else 'clear')
-
-
-def test_contacts_are_sorted_by_source_and_key():
-    stage = with_robot(RADAR, LIDAR).send(0.1, 9, 0.2, name='radar')
-    stage.send(0.3)
-    assert [str(obstacle) for obstacle in stage.state().contacts] == [
-        'lidar/0', 'radar/0', 'radar/2']
-
-
-def test_each_footprint_has_its_own_status():
-    stage = Stage(footprints=[ROBOT, CART])
-    stage.robot(0)
-    stage.robot(5, name='cart')
-    stage.send(5.5)
-    assert (stage.status('robot'), stage.status('cart')) == ('clear', 'collision')
 
 
 def test_disabled_scene_is_unknown_but_still_receives():
@@ -75,7 +47,7 @@ def test_unknown_until_the_clock_starts():
     assert stage.state().reasons[0].startswith('no clock yet')
     assert stage.state().reasons[0].endswith('publish /clock, or set use_sim_time to false')
     assert changed(stage) == ['robot']
-    stage.start = 1000.0
+    stage.start = START
     assert changed(stage.at(0.0)) == ['robot']
     assert stage.state().reasons[0] == TOO_OLD
     stage.robot()
@@ -96,7 +68,7 @@ def test_stamp_before_0_is_old():
 @pytest.mark.parametrize('steps', [(-1.001,), (-0.6, -1.001)])
 def test_clock_that_goes_back_begins_anew(steps):
     """A recording starts again: what was told counts for one more timeout, and proves nothing."""
-    stage = clear_stage(footprints=[UNTIMED_ROBOT]).send(0.5)
+    stage = clear_stage(footprints=[UNTIMED_ROBOT]).send_all(0.5)
     for time in steps:
         assert stage.status() == 'collision'
         stage.at(time)
@@ -106,8 +78,8 @@ def test_clock_that_goes_back_begins_anew(steps):
         for reason in (NOT_RECEIVED, NOTHING_SENT)))
     stage.robot()
     assert stage.status() == 'collision'
-    assert stage.at(0.5).send(20).status() == 'collision', 'what comes was met in its middle'
-    assert stage.send(20).status() == 'collision'
+    assert stage.at(0.5).send_all(20).status() == 'collision', 'what comes was met in its middle'
+    assert stage.send_all(20).status() == 'collision'
     assert stage.at(0.9991).told == ('clear', ())
 
 
@@ -116,8 +88,8 @@ def test_clock_that_goes_back_by_little_changes_nothing():
     stage = clear_stage(footprints=[UNTIMED_ROBOT])
     assert stage.at(-1.0).told == ('clear', ())
     assert stage.state().age == 0.0
-    assert stage.send(0.5).status() == 'collision'
-    assert stage.send(10).status() == 'clear'
+    assert stage.send_all(0.5).status() == 'collision'
+    assert stage.send_all(10).status() == 'clear'
 
 
 def test_clock_that_goes_back_is_noticed_by_the_first_message():
@@ -137,7 +109,7 @@ def test_nearest_obstacle():
     assert stage.scene.nearest('robot') is None
     stage.robot(10000)
     assert stage.scene.nearest('robot') is None
-    stage.send(10004, 9997)
+    stage.send_all(10004, 9997)
     obstacle, separation, *_ = stage.scene.nearest('robot')
     assert (obstacle, separation) == (ObstacleId('lidar', 1), 2.0)
 
@@ -149,13 +121,13 @@ def test_frame_is_that_of_all_footprints_of_the_last_second():
     """The first footprint came in a wrong frame; obstacles follow with their next set."""
     stage = Stage(footprints=[ROBOT, CART])
     stage.robot(frame='odom', name='cart')
-    stage.send(10)
+    stage.send_all(10)
     assert stage.robot(frame='map') == 'other frame', 'they do not agree'
     assert stage.at(0.5).robot(name='cart') is None
     assert stage.scene.frame_id == 'map'
     stage.robot()
     assert stage.status('robot') == stage.status('cart') == 'unknown'
-    assert stage.send(10).status('robot') == stage.status('cart') == 'clear'
+    assert stage.send_all(10).status('robot') == stage.status('cart') == 'clear'
 
 
 def test_frame_ignores_footprints_older_than_a_second():
@@ -220,7 +192,7 @@ def test_configured_frame_refuses_other_frames_from_the_start():
 
 def test_second_footprint_in_another_frame_is_unknown():
     """The first one is not affected."""
-    stage = Stage(footprints=[ROBOT, CART]).send(10)
+    stage = Stage(footprints=[ROBOT, CART]).send_all(10)
     stage.robot()
     assert stage.robot(10, name='cart', frame='odom') == 'other frame'
     assert (stage.status('robot'), stage.status('cart')) == ('clear', 'unknown')
@@ -328,7 +300,7 @@ def test_changes_include_contacts_and_reasons(stage):
 def test_next_set_with_the_same_contacts_is_no_change():
     """Also while obstacles of both sets are held; one contact more or fewer is a change."""
     stage = clear_stage()
-    stage.at(0.1).send(0.5, 0.6)
+    stage.at(0.1).send_all(0.5, 0.6)
     assert changed(stage) == ['robot']
     stage.at(0.2).see(0.5)
     assert changed(stage) == []
@@ -337,7 +309,7 @@ def test_next_set_with_the_same_contacts_is_no_change():
     stage.end()
     assert changed(stage) == []
     assert [contact.key for contact in stage.state().contacts] == [0, 1]
-    stage.at(0.3).send(0.5)
+    stage.at(0.3).send_all(0.5)
     assert changed(stage) == ['robot']
     stage.at(0.4).see(0.5)
     stage.see(0.6)
@@ -349,8 +321,8 @@ def test_collision_between_two_reports_is_a_brief_contact():
     """A collision that lasts, or was already reported, is not brief."""
     stage = clear_stage()
     stage.scene.take_changes()
-    stage.send(0.5)
-    stage.at(0.1).send(20)
+    stage.send_all(0.5)
+    stage.at(0.1).send_all(20)
     assert stage.scene.take_changes() == ([], ['robot'])
     assert stage.scene.take_changes() == ([], [])
     stage.robot(20.5)
@@ -398,3 +370,140 @@ def test_contacts_are_sorted_only_when_read(monkeypatch):
     assert len(stage.state().contacts) == 200
     assert len(stage.state().contacts) == 200
     assert lengths == [200]
+
+
+# --- contacts of bodies that are placed, moved and removed
+
+
+class Squares(Contacts):
+    """Contacts of unit squares on a line."""
+
+    def put(self, *places):
+        """Place bodies where their x is."""
+        for body, x in places:
+            place = self.place_footprint if isinstance(body, Footprint) else self.place_obstacle
+            place(body, square(x).packed)
+
+
+@pytest.fixture
+def contacts():
+    return Squares()
+
+
+@pytest.fixture
+def robot():
+    return Footprint(ROBOT)
+
+
+def obstacles(contacts, count):
+    """Return obstacles that have not been placed yet."""
+    group = KeyedGroup(ObstacleStore('lidar', contacts))
+    return [Obstacle(group, 'lidar', key) for key in range(count)]
+
+
+def test_contact_is_recorded_on_both_sides(contacts, robot):
+    """An obstacle is placed onto the footprint, then the footprint onto another obstacle."""
+    near, far = obstacles(contacts, 2)
+    contacts.put((robot, 0), (near, 0.5), (far, 5))
+    assert (robot.contacts, near.contacts, far.contacts) == ({near}, {robot}, set())
+    contacts.put((robot, 4.5))
+    assert (robot.contacts, near.contacts, far.contacts) == ({far}, set(), {robot})
+
+
+def test_changed_are_footprints_that_gained_or_lost_a_contact(contacts, robot):
+    cart = Footprint(CART)
+    person, = obstacles(contacts, 1)
+    contacts.put((robot, 0), (cart, 10))
+    assert contacts.changed == set()
+    for x, changed in ((0.5, {robot}), (0.6, set()), (9.5, {robot, cart}), (20, {cart}),
+                       (21, set())):
+        contacts.changed.clear()
+        contacts.put((person, x))
+        assert contacts.changed == changed
+
+
+def test_placing_a_body_where_it_already_is_changes_nothing(contacts):
+    person, = obstacles(contacts, 1)
+    contacts.put((person, 1))
+    polygon = person.polygon
+    contacts.put((person, 1))
+    assert person.polygon is polygon
+    contacts.put((person, 2))
+    assert person.polygon.bounds == (2, 0, 3, 1)
+
+
+def test_row_that_another_source_takes_is_monitored_by_that(contacts):
+    """An obstacle takes the row of one that was removed."""
+    robot = Footprint(replace(ROBOT, obstacles=('tracks',)))
+    contacts.put((robot, 0))
+    other, = obstacles(contacts, 1)
+    contacts.put((other, 2))
+    assert contacts.nearest(robot) is None
+    contacts.remove_obstacle(other)
+    track = Obstacle(KeyedGroup(ObstacleStore('tracks', contacts)), 'tracks', 1)
+    contacts.put((track, 3), (other, 2))
+    assert contacts.nearest(robot)[:2] == (track, 2.0)
+    assert contacts.nearest(robot, [track]) is None
+
+
+def test_removed_body_has_no_contacts_and_no_polygon(contacts, robot):
+    """Removing a body twice is harmless."""
+    person, wall = obstacles(contacts, 2)
+    contacts.put((robot, 0), (person, 0.5), (wall, -0.5))
+    contacts.changed.clear()
+    contacts.remove_obstacle(person)
+    assert (robot.contacts, person.contacts, person.polygon) == ({wall}, set(), None)
+    assert contacts.changed == {robot}
+    contacts.changed.clear()
+    contacts.remove_obstacle(person)
+    assert contacts.changed == set()
+    contacts.remove_footprint(robot)
+    assert (robot.contacts, wall.contacts, robot.polygon) == (set(), set(), None)
+    assert contacts.changed == {robot}
+
+
+def test_row_of_a_removed_body_is_reused_for_another(contacts, robot):
+    """Even if the new body has the same vertices as the removed one."""
+    gone, came = obstacles(contacts, 2)
+    contacts.put((robot, 0), (gone, 0.5))
+    row = gone.row
+    contacts.remove_obstacle(gone)
+    contacts.put((came, 0.5))
+    assert came.row == row
+    assert (robot.contacts, gone.contacts, came.contacts) == ({came}, set(), {robot})
+
+
+def test_new_margin_updates_all_pairs(contacts, robot):
+    """Only footprints whose contacts change are reported."""
+    cart = Footprint(CART)
+    near, far = obstacles(contacts, 2)
+    contacts.put((robot, 0), (cart, 20), (near, 1.5), (far, 2.5))
+    for margin, met, changed in ((0.5, {near}, {robot}), (0.75, {near}, set()),
+                                 (1.5, {near, far}, {robot}), (0.0, set(), {robot})):
+        contacts.changed.clear()
+        contacts.use_margin(margin)
+        assert (robot.contacts, contacts.changed) == (met, changed)
+        assert {body for body in (near, far) if body.contacts == {robot}} == met
+
+
+def test_nearest_excludes_given_obstacles(contacts, robot):
+    touching, apart = obstacles(contacts, 2)
+    contacts.put((touching, 0.5), (apart, 3))
+    assert contacts.nearest(robot) is None
+    contacts.put((robot, 0))
+    assert contacts.nearest(robot)[:2] == (touching, -0.5)
+    assert contacts.nearest(robot, [touching])[:2] == (apart, 2.0)
+    assert contacts.nearest(robot, [touching, apart]) is None
+
+
+def test_contacts_are_sorted_by_name_and_place():
+    """So that all that is drawn and published of them is the same in each run."""
+    stage = with_robot(INSTANCES)
+    for key in reversed(range(40)):
+        stage.see(key / 64, instance=key)
+    stage.restart()
+    for key in range(40):
+        stage.see(-key / 64, stamp=0.5, instance=key)
+    found = stage.scene.contacts('robot')
+    assert [(obstacle.key, other.bounds[0]) for obstacle, _, other in found] == [
+        place for key in range(40) for place in ((key, -key / 64), (key, key / 64))]

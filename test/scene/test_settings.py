@@ -11,11 +11,11 @@
 
 from dataclasses import FrozenInstanceError, MISSING
 
+from monitors import LIDAR, ROBOT
 import pytest
 from sat_collision.scene.parameters import (
     declare_parameters, outline_of, ParameterError, read_settings)
 from sat_collision.scene.settings import FootprintSettings, ObstacleSettings, Settings, specs
-from stage import LIDAR, ROBOT
 
 KINDS = (Settings, FootprintSettings, ObstacleSettings)
 TWO = {'obstacles': ['walls', 'dock'], 'footprints': ['a', 'b']}

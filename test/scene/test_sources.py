@@ -7,21 +7,22 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Sources of obstacles in a scene: what is kept, what is known, and the faults reported."""
+"""Sources of obstacles and maps in a scene: what is kept, what is known, the faults reported."""
 
 from dataclasses import replace
 
 from builders import box, SECOND, serialised
-from monitors import nanoseconds, World
+from monitors import (
+    CART, EVERY_KIND, INSTANCES, known_stage, LIDAR, LIDAR_SAYS, nanoseconds, NOTHING_SENT,
+    pass_by, POLYGONS, RADAR, REFRESHED, SILENT, square, Stage, UNTIMED_LIDAR, UNTIMED_ROBOT,
+    with_robot, World)
 import pytest
 from sat_collision.scene.contacts import Contacts
-from sat_collision.scene.obstacle_store import TOO_MANY
+from sat_collision.scene.obstacle_store import Followed, TOO_MANY
 from sat_collision.scene.scene import FROM_FUTURE
 from sat_collision.scene.settings import NEVER, Settings
 from sat_collision.scene.sources import Source, TOO_OLD
-from stage import (
-    CART, EVERY_KIND, INSTANCES, known_stage, LIDAR, LIDAR_SAYS, NOTHING_SENT, pass_by, POLYGONS,
-    RADAR, REFRESHED, REFUSED, SILENT, square, Stage, UNTIMED_LIDAR, UNTIMED_ROBOT, with_robot)
+from sat_collision.scene.streams import Endpoint
 
 NEW_STAMP = replace(POLYGONS, set_end='new_stamp')
 EACH_MESSAGE = replace(POLYGONS, set_end='each_message')
@@ -30,44 +31,6 @@ WITHOUT_A_GAP = LIDAR_SAYS + (
 
 
 # --- what publishers send
-
-
-@pytest.mark.parametrize('settings', [LIDAR, POLYGONS, EACH_MESSAGE])
-def test_contact_stays_though_each_polygon_has_a_stamp_of_its_own(settings):
-    """They are sent 30 ms apart, an empty polygon last; without a declaration that is unknown."""
-    stage = with_robot(settings)
-    seen = set()
-    for k in range(1, 201):
-        stage.at(0.03 * k)
-        if k % 4:
-            stage.see(0.5 if settings is EACH_MESSAGE else (0.5, 10, 20)[k % 4 - 1])
-        elif settings is not EACH_MESSAGE:
-            stage.end()
-        seen.add(stage.told)
-    assert ('collision', ()) in seen and {status for status, _ in seen} == {'collision'}
-
-
-def test_source_of_which_nothing_can_be_read_is_not_silent():
-    stage = with_robot(LIDAR)
-    useless = LIDAR_SAYS + 'has sent nothing of use {}: a message was refused: undecodable'
-    for time in (0.0, 1.0, 2.0):
-        stage.at(time).send_garbage()
-        assert stage.state().reasons == (useless.format('yet'),)
-    stage.send(10)
-    assert stage.send(10).status() == 'clear'
-    for time in (3.0, 4.0, 4.001):
-        stage.at(time).send_garbage()
-    assert stage.state().reasons == (useless.format('for longer than its timeout of 2 s'),)
-
-
-def test_ids_are_places_of_their_own():
-    """Two of them may have the same polygon, and one may return to where it was: a door."""
-    stage = known_stage(INSTANCES)
-    stage.see(10, instance=7)
-    stage.see(10, instance=-3)
-    for time, x, status in ((0.1, 0.5, 'collision'), (0.2, 9, 'clear'), (0.3, 0.5, 'collision')):
-        stage.at(time).see(x, instance=7)
-        assert (stage.status(), stage.held) == (status, {7: x, -3: 10})
 
 
 def test_mark_is_not_refused_for_its_frame_nor_for_its_stamp():
@@ -103,20 +66,6 @@ def test_set_expires_with_its_oldest_obstacle(batches, timeout, expires):
         assert not world.at(now).monitor.receive_batch('lidar', messages, world.now, number)
         number += len(messages)
     assert [world.at(time).status() for time in (expires, expires + 0.001)] == ['clear', 'unknown']
-
-
-@EVERY_KIND
-def test_silent_source_is_unknown_until_all_is_proved_anew(settings):
-    """Also before its first message."""
-    stage = with_robot(settings)
-    assert stage.at(10.0).told == ('unknown', (NOTHING_SENT,))
-    stage = known_stage(settings).send(10)
-    assert stage.at(2.0).status() == 'clear'
-    assert stage.at(2.001).told == ('unknown', (
-        SILENT if settings is LIDAR else SILENT.partition(': ')[0],))
-    for time, is_known in ((3.0, False), (4.5, False), (6.0, False), (6.001, True)):
-        assert stage.at(time).send(10).told == (
-            ('clear', ()) if is_known or settings is LIDAR else ('unknown', (WITHOUT_A_GAP,)))
 
 
 @EVERY_KIND
@@ -162,7 +111,7 @@ def test_stamps_of_another_clock_are_reported_as_such(settings):
     assert stage.see(5, stamp=-3600.1, instance=1) == TOO_OLD
     reason, = stage.state().reasons
     assert 'lidar on /polygons has stamps' in reason and 'use_sim_time: true' in reason
-    stage.send(5)
+    stage.send_all(5)
     assert 'has stamps' not in ''.join(stage.state().reasons)
 
 
@@ -173,14 +122,14 @@ def test_stamp_further_ahead_than_the_tolerance_is_refused(settings):
     assert stage.see(10, stamp=1.001, instance=1) == FROM_FUTURE
     assert stage.status() == 'unknown' and FROM_FUTURE in stage.state().reasons[0]
     for time in (1.5, 3.0, 3.1):
-        stage.at(time).send(10)
+        stage.at(time).send_all(10)
     assert stage.told == ('clear', ())
 
 
 @EVERY_KIND
 def test_stamps_that_fall_by_more_than_the_timeout_begin_anew(settings):
     """The clock of the publisher was set back; what was told counts for one more timeout."""
-    stage = known_stage(settings).send(0.5)
+    stage = known_stage(settings).send_all(0.5)
     stage.at(1.0)
     assert stage.see(10, stamp=-1.999, instance=2) == TOO_OLD if settings is POLYGONS else True
     assert stage.see(10, stamp=-2.001, instance=2) == TOO_OLD
@@ -191,46 +140,29 @@ def test_stamps_that_fall_by_more_than_the_timeout_begin_anew(settings):
         if settings is LIDAR else WITHOUT_A_GAP,)
     assert [stage.at(time).status() for time in (3.0, 3.001)] == ['collision', 'unknown']
     for time in (3.1, 4.6, 6.1, 6.101):
-        stage.at(time).send(10)
+        stage.at(time).send_all(10)
     assert stage.told == ('clear', ())
 
 
 @EVERY_KIND
 def test_clock_that_went_back_by_much_begins_anew(settings):
     """A publisher that hangs over it is unknown, not clear."""
-    stage = known_stage(settings).send(0.5)
+    stage = known_stage(settings).send_all(0.5)
     stage.at(-600.0).robot()
     assert [stage.at(time).status() for time in (-600.0, -598.0)] == 2 * ['collision']
     assert stage.at(-597.999).told == ('unknown', (
         NOTHING_SENT.replace('yet', 'since the clock was set'),))
     for time in (-597.0, -595.5, -594.0, -593.999):
-        stage.at(time).send(10)
+        stage.at(time).send_all(10)
     assert stage.told == ('clear', ())
 
 
 # --- refused
 
 
-def test_refused_obstacle_of_a_set_makes_it_not_whole():
-    """Other sources are not affected; a contact is told though the rest is unknown."""
-    stage = with_robot(LIDAR, RADAR).send(9, name='radar')
-    stage.see(10)
-    stage.refuse()
-    stage.see(30)
-    stage.end()
-    assert stage.held == {0: (9, 10), 1: 30}
-    reasons = (REFUSED + 'not finite',)
-    assert stage.told == ('unknown', reasons)
-    assert stage.send(0.5, name='radar').told == ('collision', reasons)
-    stage.see(11)
-    assert stage.told == ('collision', reasons)
-    stage.end()
-    assert stage.told == ('collision', ())
-
-
 def test_obstacle_counts_as_long_as_the_last_whole_set_though_another_is_refused():
     """It was older than the timeout when it came."""
-    stage = with_robot(LIDAR).send(10)
+    stage = with_robot(LIDAR).send_all(10)
     assert stage.at(1.0).see(0.5, stamp=-1.5) == TOO_OLD
     stage.refuse()
     assert [stage.at(time).status() for time in (1.0, 2.0, 2.001)] == [
@@ -247,19 +179,6 @@ def test_few_of_very_many_reasons_are_named():
         stage.refuse(f'made up {k}', instance=k)
     assert stage.state().reasons == (
         LIDAR_SAYS + 'sent what was refused: made up 19, made up 2, made up 3 and 2 more',)
-
-
-@REFRESHED
-@pytest.mark.parametrize('what, cause', [
-    ('lose', 'messages were lost'), ('send_garbage', 'a message was refused: undecodable')])
-def test_gap_makes_a_source_unknown_until_all_was_sent_again(settings, what, cause):
-    stage = known_stage(settings)
-    getattr(stage, what)()
-    for time in (0.0, 1.5, 3.0):
-        stage.at(time).see(10, instance=1)
-        assert stage.told == ('unknown', (f'{WITHOUT_A_GAP} since {cause}',))
-    stage.at(3.001).see(10, instance=1)
-    assert stage.told == ('clear', ())
 
 
 @EVERY_KIND
@@ -289,6 +208,17 @@ def test_lost_footprints_are_only_counted():
     assert stage.scene.lost() == {'robot': 1}
 
 
+def test_obstacle_past_its_timeout_is_forgotten_when_its_publisher_restarts():
+    """Until then it was held because its publisher was alive."""
+    stage = with_robot(INSTANCES)
+    stage.see(0.5, instance=1)
+    stage.at(1.5).see(10, instance=2)
+    assert stage.at(2.5).status() == 'collision'
+    stage.restart()
+    stage.see(10, instance=3)
+    assert stage.held == {2: 10, 3: 10}
+
+
 @EVERY_KIND
 def test_restarted_publisher_must_send_all_by_itself(settings):
     """Obstacles of the previous publisher stay until their timeout."""
@@ -299,7 +229,7 @@ def test_restarted_publisher_must_send_all_by_itself(settings):
     stage.restart()
     for time, status in ((1.0, 'collision'), (2.0, 'collision'), (2.5, 'unknown'),
                          (4.0, 'unknown'), (4.001, 'clear')):
-        stage.at(time).send(10)
+        stage.at(time).send_all(10)
         assert stage.status() == ('clear' if settings is LIDAR and status == 'unknown' else status)
 
 
@@ -317,7 +247,7 @@ def test_listing_of_a_second_publisher_that_leaves_does_not_count(settings):
     stage.at(2.001).end()
     assert stage.status() == 'unknown'
     for time in (2.001, 4.0, 5.002):
-        stage.at(time).send(10)
+        stage.at(time).send_all(10)
     assert stage.told == ('clear', ())
 
 
@@ -358,7 +288,7 @@ def test_what_is_gone_of_a_set_that_never_ends_is_not_looked_at():
 def test_obstacle_behind_one_that_waits_counts_at_once():
     """It counts beside the last whole set; a map is unknown while anything of it waits."""
     for settings in (LIDAR, UNTIMED_LIDAR):
-        stage = with_robot(settings).send(10)
+        stage = with_robot(settings).send_all(10)
         stage.scene.wait('lidar', 1)
         assert (stage.status() == 'clear') == (settings is LIDAR)
         stage.scene.receive_early('lidar', square(0.5).packed, stage.now, 2, None, None)
@@ -372,8 +302,8 @@ def test_obstacle_behind_one_that_waits_counts_at_once():
 
 def test_disabled_source_is_ignored():
     """Its faults do not count; once enabled, all must be proved again."""
-    stage = with_robot(LIDAR, RADAR).send(0.5)
-    assert stage.send(50, name='radar').status() == 'collision'
+    stage = with_robot(LIDAR, RADAR).send_all(0.5)
+    assert stage.send_all(50, name='radar').status() == 'collision'
     assert stage.use('lidar', enabled=False).told == ('clear', ())
     assert stage.see(0.5) is None
     stage.refuse()
@@ -400,7 +330,7 @@ def test_source_starts_over_when_enabled(settings):
         stage.use('lidar', enabled=enabled)
     assert stage.held == {}
     for time, status in ((0.1, 'unknown'), (2.0, 'unknown'), (3.101, 'clear')):
-        stage.at(time).send(10)
+        stage.at(time).send_all(10)
         assert stage.status() == ('clear' if settings is LIDAR and time == 2.0 else status)
 
 
@@ -457,17 +387,17 @@ def test_a_shorter_timeout_forgets_sooner_and_all_stays_known(settings):
 
 def test_timeout_of_sets_can_be_changed_live():
     """A shorter one forgets at once; a longer one restores neither obstacles nor knowledge."""
-    stage = with_robot(LIDAR).send(0.5)
+    stage = with_robot(LIDAR).send_all(0.5)
     stage.at(1.5)
     stage.use('lidar', timeout=10.0)
-    stage.send(0.5)
+    stage.send_all(0.5)
     assert stage.at(9.0).told == ('collision', (
         LIDAR_SAYS + 'has not sent a whole set since its parameters were changed',))
     stage.use('lidar', timeout=5.0)
     assert stage.told == ('unknown', (SILENT.replace('of 2 s', 'of 5 s'),))
     assert stage.use('lidar', timeout=0.0).status() == 'unknown' and stage.held == {}
-    stage.send()
-    assert stage.send().told == ('clear', ())
+    stage.send_all()
+    assert stage.send_all().told == ('clear', ())
     assert stage.use('lidar', timeout=2.0).told == ('clear', ())
 
 
@@ -478,4 +408,127 @@ def test_set_of_which_some_was_too_old_is_not_whole_for_a_longer_timeout():
     stage.use('lidar', timeout=4.0)
     stage.end(stamp=0.1)
     assert stage.status() == 'unknown'
-    assert stage.send(10).told == ('clear', ())
+    assert stage.send_all(10).told == ('clear', ())
+
+
+# --- maps, which do not age
+
+
+@pytest.mark.parametrize('back', [0.0, 0.5, 3600.0])
+def test_map_sent_again_after_its_clock_went_back_is_whole(back):
+    """Also where our clock goes back with it; of the map before nothing stays."""
+    stage = with_robot(UNTIMED_LIDAR).send_all(0.5, 20)
+    stage.at(-back).robot()
+    assert stage.told == ('collision', ())
+    assert stage.send_all(0.5, 20, stamp=-7200.0).told == ('collision', ())
+    assert stage.held == {0: 0.5, 1: 20}
+    assert stage.send_all(20, 30, stamp=-7201.0).told == ('clear', ())
+    assert stage.held == {0: 20, 1: 30}
+
+
+def followed_map():
+    """Return a stage with a part of a map at 10, whose frame can be followed."""
+    stage = with_robot(UNTIMED_LIDAR)
+    stage.scene.obstacle('lidar', Followed(square(10).packed, ('map2', 'points')), 'map',
+                         stage.now, stage.now, None, stage.number('lidar'))
+    return stage
+
+
+def test_map_follows_its_frame():
+    """Its static transform is corrected; where it is not valid any more it is not known."""
+    stage = followed_map()
+    assert stage.send_all(20).status() == 'clear'
+    assert stage.scene.sources['lidar'].store.frames == {'map2'}
+    stage.scene.follow_frame('lidar', 'map2', lambda sent: square(0.5).packed)
+    assert stage.status() == 'collision' and stage.held == {0: 0.5, 1: 20}
+    stage.scene.follow_frame('lidar', 'map2', lambda sent: None)
+    assert stage.told == ('unknown', (
+        LIDAR_SAYS + 'has not sent a whole map since a part of it is not valid where its frame '
+        'has moved',))
+    assert stage.send_all(10).told == ('clear', ())
+
+
+@pytest.mark.parametrize('pass_by_time', [True, False])
+def test_map_in_a_frame_that_is_not_known_is_not_known(pass_by_time):
+    """Its transform is past the footprint's timeout, or of a clock that went back since."""
+    stage = followed_map()
+    stage.end()
+    stage.scene.limit_frames('lidar', {'map2': ('', stage.stamp(5.0))})
+    assert stage.at(5.0).told == ('clear', ())
+    stage.at(5.001 if pass_by_time else -5.0).robot()
+    assert stage.told == (
+        'unknown', (LIDAR_SAYS + 'is a map in a frame whose transform is too old',))
+    stage.scene.limit_frames('lidar', {'map2': ('', stage.stamp(60.0))})
+    assert stage.told == ('clear', ())
+
+
+def test_open_update_of_a_map_makes_it_unknown_though_the_clock_goes_back():
+    """Its publisher has begun to send another one, and died."""
+    for back in (1.001, -3600.0):
+        stage = with_robot(UNTIMED_LIDAR).send_all(10)
+        stage.see(20)
+        stage.at(back).robot()
+        assert stage.told == ('unknown', (
+            LIDAR_SAYS + 'has not sent a whole map since it began to send another one',))
+
+
+def test_map_of_which_a_part_was_lost_is_requested_again():
+    """Its publisher keeps what it has sent: number 1 comes again."""
+    stage = with_robot(UNTIMED_LIDAR).publish_by('a')
+    assert stage.scene.wants_history('lidar'), 'it may have sent its map already'
+    stage.see(10)
+    assert not stage.scene.wants_history('lidar')
+    stage.lose()
+    stage.see(20)
+    assert stage.scene.wants_history('lidar')
+    stage.publish_by('a', 'b')
+    assert not stage.scene.wants_history('lidar'), 'of two'
+    stage.publish_by('a')
+    stage.restart()
+    stage.scene.renew('lidar')
+    assert stage.send_all(10, 20, 30).told == ('clear', ())
+    assert sorted(stage.held.values()) == [10, 20, 30]
+    assert not stage.scene.wants_history('lidar')
+
+
+def test_map_stays_until_a_new_publisher_sends_a_whole_one():
+    stage = with_robot(UNTIMED_LIDAR).publish_by('a')
+    stage.send_all(0.5)
+    stage.publish_by()
+    assert stage.at(100.0).told == ('collision', (LIDAR_SAYS + 'has no publisher',))
+    stage.publish_by('b')
+    stage.restart()
+    stage.see(10)
+    assert stage.status() == 'collision'
+    stage.end()
+    assert stage.told == ('clear', ())
+    assert list(stage.held.values()) == [10]
+
+
+def test_map_of_a_killed_publisher_stays_until_its_lease_ends():
+    """Until then it counts beside the whole map of the respawned node."""
+    stage = with_robot(UNTIMED_LIDAR)
+    killed, respawned = Endpoint('a', '/map'), Endpoint('b', '/map')
+    for publishers, x in (([killed], 0.5), ([killed, respawned], 10)):
+        stage.scene.update_publishers('lidar', publishers)
+        stage.restart()
+        assert stage.send_all(x).told == ('collision', ())
+    stage.scene.update_publishers('lidar', [respawned])
+    assert stage.told == ('clear', ())
+    assert list(stage.held.values()) == [10]
+
+
+@pytest.mark.parametrize('before, after', [
+    ({'timeout': 2.0}, {'timeout': 0.0}), ({'max_count': 1}, {'max_count': 10})])
+def test_map_that_now_has_room_is_requested_again(before, after):
+    """The publisher of a latched map sends it only once."""
+    stage = with_robot(replace(UNTIMED_LIDAR, **before))
+    for x in (10, 20):
+        stage.see(x, stamp=-100.0)
+    assert stage.status() == 'unknown' and not stage.scene.wants_history('lidar')
+    assert stage.use('lidar', **after).status() == 'unknown' and stage.scene.wants_history('lidar')
+    stage.scene.renew('lidar')
+    stage.restart()
+    assert stage.send_all(10, 20, stamp=-100.0).told == ('clear', ())
+    stage.use('lidar', max_count=20)
+    assert not stage.scene.wants_history('lidar'), 'it is known'

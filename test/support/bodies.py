@@ -33,8 +33,9 @@ def random_body(rng):
     return Polygon(points)
 
 
-def as_shapely(polygon):
-    vertices = polygon.vertices
+def as_shapely(body):
+    """Return a Polygon, or a ring of points, as shapely's geometry."""
+    vertices = getattr(body, 'vertices', body)
     if len(vertices) > 2:
         return shapely.Polygon(vertices)
     return shapely.LineString(vertices) if len(vertices) == 2 else shapely.Point(vertices[0])

@@ -18,8 +18,8 @@ known again once all faults end.
 from math import inf
 
 from builders import SECOND
-from knowing_events import DEPTH, Events, TIMEOUT, TOLERANCE
-from knowing_messages import bytes_of, CORRECTED, MOVING, stamp_of
+from knowing_events import (
+    bytes_of, CORRECTED, DEPTH, Events, MOVING, stamp_of, TIMEOUT, TOLERANCE)
 from sat_collision.scene.footprints import Status
 from sat_collision.scene.settings import EACH_MESSAGE, EMPTY_POLYGON, NEVER
 

@@ -122,8 +122,8 @@ knowing: $(VENV)/test.stamp
 REPEAT ?= 10
 LENGTH ?= 5
 faults: $(VENV)/test.stamp
-	$(BIN)/python test/faults/faults.py --repeat $(REPEAT) --write docs/reliability.md
-	$(BIN)/python test/faults/situations.py --length $(LENGTH) --write docs/reliability.md
+	PYTHONPATH=.:test/support:docs $(BIN)/python test/faults/test_faults.py --repeat $(REPEAT) \
+	    --length $(LENGTH) --write docs/reliability.md
 
 # The node under load for a long time, written to docs/reliability.md: make soak MINUTES=2
 MINUTES ?= 30
@@ -134,10 +134,10 @@ soak: $(VENV)/bench.stamp
 # them: make fuzz INPUTS=1e5 FILES=1e4
 INPUTS ?= 1e7
 FILES ?= 1e5
+FUZZ := PYTHONPATH=.:test/support $(BIN)/python test/fuzz/test_fuzz.py
 fuzz: $(VENV)/test.stamp
-	$(BIN)/python test/fuzz/fuzz.py --inputs $(INPUTS)
-	PYTHONPATH=.:test/support $(BIN)/python test/fuzz/fuzz_files.py --count $(FILES)
-	if $(BIN)/pip install --quiet atheris; then $(BIN)/python test/fuzz/guided.py -runs=$(FILES); fi
+	$(FUZZ) --inputs $(INPUTS) --files $(FILES)
+	if $(BIN)/pip install --quiet atheris; then NUMBA_DISABLE_JIT=1 $(FUZZ) --guided $(FILES); fi
 
 $(BIN)/pip:
 	$(PYTHON) -m venv $(VENV)

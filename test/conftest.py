@@ -96,19 +96,12 @@ def domain():
         yield number
 
 
-@pytest.fixture(scope='module')
-def module_domain():
-    """Return a DDS domain id that all tests of a module share."""
-    with locked_domain() as number:
-        yield number
-
-
 @pytest.fixture
 def start(domain, run):
     """
     Start a monitor with parameters, whose dots are written as double underscores.
 
-    It leaves before the processes of `run` are killed; see `Witness.close`.
+    It leaves before the processes of `run` are killed; see `Rig.close`.
     """
     from harness import RunningMonitor
     running = []

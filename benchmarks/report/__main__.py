@@ -81,8 +81,7 @@ def measure(scale):
             'families': lambda rng: stability.by_family(rng, int(8000 * scale)),
             'by_offset': lambda rng: stability.by_offset(rng, int(4000 * scale)),
             'float32': lambda rng: stability.by_float32(rng, int(4000 * scale)),
-            'cost': lambda rng: scenes.cost(),
-            'ages': lambda rng: scenes.ages()}.items():
+            'cost': lambda rng: scenes.cost()}.items():
         print(f'{time.perf_counter() - start:6.0f} s  {name}', file=sys.stderr)
         figures[name] = measured(np.random.default_rng(SEEDS[0]))
     figures['seconds'] = round(time.perf_counter() - start)

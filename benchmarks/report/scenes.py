@@ -8,7 +8,7 @@
 # language governing permissions and limitations under the License.
 
 """
-What exactness costs in scenes, and how wrong old positions and predictions in steps are.
+What exactness costs in scenes, and how wrong predictions in steps are.
 
 A scene is a list of frames, each a footprint and the obstacles it is compared with, as vertices:
 of recordings, a docking, and racks in line. All coordinates are float32, as messages carry them.
@@ -21,7 +21,7 @@ import functools
 from _shared import medians
 import numpy as np
 from published import load
-from sat_collision import intersects_pairs, Polygon, PolygonSet, separation
+from sat_collision import intersects_pairs, Polygon, PolygonSet
 from sat_collision.geometry.body.layout import body_of, convex_part, rows_of
 from sat_collision.geometry.compiled.jit import kernel
 from sat_collision.geometry.pair.separating_axis import (
@@ -157,37 +157,6 @@ def _stage(p, q):
                 if verdict != SEPARATE:
                     return EXACT if verdict == UNCERTAIN else stage
     return stage
-
-
-def ages():
-    """
-    Return for each recording how wrong separations are, in m, by a footprint of another stamp.
-
-    It is the one of the frame before, or the one half way between the frames before and after.
-    """
-    return [{'scene': title, **_age_of(stamped(name))} for name, title in NAMES.items()]
-
-
-def _age_of(frames):
-    before, between, speeds, gaps = [], [], [], []
-    for (t0, p0, _), (t1, p1, obstacles), (t2, p2, _) in zip(frames, frames[1:], frames[2:]):
-        if not obstacles or not len(p0) == len(p1) == len(p2):
-            continue
-        bodies = [Polygon(body) for body in obstacles]
-        share = (t1 - t0) / (t2 - t0)
-        true, old, made = (min(separation(Polygon(p), body) for body in bodies)
-                           for p in (p1, p0, p0 + share * (p2 - p0)))
-        before.append(abs(old - true))
-        between.append(abs(made - true))
-        gaps.append(t1 - t0)
-        speeds.append(float(np.hypot(*(p1 - p0).T).max()) / (t1 - t0))
-    largest = max(float(np.abs(body).max()) for _, footprint, obstacles in frames
-                  for body in (footprint, *obstacles))
-    return {'spacing': float(np.median(gaps)), 'speed': max(speeds),
-            'before': [float(np.median(before)), max(before)],
-            'between': [float(np.median(between)), max(between)],
-            # Half a step in each coordinate of a vertex of either body.
-            'coordinates': float(np.sqrt(2.0) * np.spacing(np.float32(largest)))}
 
 
 def stepping(rng, count):

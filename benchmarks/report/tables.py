@@ -262,12 +262,6 @@ TABLES = {
         'exact stage': lambda row: share(row['exact'], row['pairs']),
         'of the time': lambda row: share(row['exact_time']),
         'a pair': lambda row: duration(row['ns'])}),
-    'ages': lambda figures: table_of([row for row in figures['ages'] if row['speed']], {
-        'scene': '{scene}', 'sample interval': lambda row: f'{1e3 * row["spacing"]:.0f} ms',
-        'fastest': '{speed:.2g} m/s',
-        'one sample older': lambda row: ' to '.join(map(length, row['before'])),
-        'between two samples': lambda row: ' to '.join(map(length, row['between'])),
-        'float32': lambda row: length(row['coordinates'])}),
     'float32': lambda figures: table_of(figures['float32'], {
         'distance from the origin': lambda row: distance(row['distance']),
         'step': lambda row: length(row['step']), 'pairs': '{pairs:,}',

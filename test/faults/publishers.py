@@ -201,7 +201,7 @@ def _publish(shared: Shared, domain: int, script: Callable[..., None], topic: st
 
 def robot(topic: Topic, x: float = 0.0) -> None:
     """Publish a footprint at rest."""
-    for stamp in topic.every(0.05):
+    for stamp in topic.every(0.02):
         topic.send(box(x, 0), stamp)
 
 
@@ -367,11 +367,19 @@ def tracks(topic: Topic, obstacles: dict[int, tuple[float, float]], awake: float
             pass
 
 
-def undecodable(topic: Topic) -> None:
-    """Send messages that are cut off while in contact, good sets before and after."""
-    for stamp in topic.every(0.1):
-        for points in (topic.obstacle, ()):
-            topic.send(points, stamp, length=-5 if topic.touching else None)
+def undecodable(topic: Topic, polygons: Sequence[Any] = (None, ())) -> None:
+    """Send messages that are cut off while in contact; None is the obstacle."""
+    for stamp in topic.every(0.02):
+        for points in polygons:
+            topic.send(topic.obstacle if points is None else points, stamp,
+                       length=-5 if topic.touching else None)
+
+
+def flood(topic: Topic) -> None:
+    """Send ten thousand messages a second that are none."""
+    for _ in topic.every(0.001):
+        for _ in range(10):
+            topic.publish(b'no message')
 
 
 def refused(topic: Topic, points: Sequence[tuple[float, float]] = TOUCHING,

@@ -16,7 +16,7 @@ import shutil
 import subprocess
 import sys
 
-from hardship import allow_writing, forbid_writing, without_privileges
+from compiled import allow_writing, forbid_writing, without_privileges
 import pytest
 from sat_collision.geometry import preparation
 from sat_collision.geometry.compiled.jit import COMPILED, HAS_OWN_CACHE, numba

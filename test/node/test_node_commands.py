@@ -7,7 +7,7 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Velocity commands and paths over DDS: their types, QoS and publishers, and what follows."""
+"""Commands, odometry and frames over DDS."""
 
 import itertools
 import math
@@ -18,7 +18,7 @@ from geometry_msgs.msg import PolygonStamped, PoseStamped, Twist, TwistStamped
 from harness import health
 from nav_msgs.msg import Path
 import pytest
-from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sat_collision.geometry.preparation import Preparation
 from sat_collision.messages.outputs import Outputs
 from sat_collision.messages.paths import Paths
@@ -27,8 +27,8 @@ from std_msgs.msg import Bool
 OUTLINE = {'footprint__radius': 0.5, 'footprint__frame_id': 'base', 'obstacle__timeout': 60.0}
 COMMANDED = {**OUTLINE, 'footprint__cmd_vel': 'cmd_vel', 'footprint__timeout': 0.5}
 PLANNED = {**OUTLINE, 'footprint__path': 'plan', 'footprint__timeout': 5.0}
-BEST_EFFORT = QoSProfile(depth=1, reliability=QoSReliabilityPolicy.BEST_EFFORT)
-LATCHED = QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
+BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def twist(x):
@@ -314,3 +314,116 @@ def test_path_of_another_type_is_named(planned):
     robot.running.node.create_publisher(Bool, '/plan', 10)
     robot.until_value('path contact', 'unknown: /plan is published as std_msgs/msg/Bool, but '
                       'has to be nav_msgs/msg/Path')
+
+
+def send_transforms(running, *links):
+    running.publisher('/tf', PolygonStamped).publish(transforms(*links))
+
+
+def drive(running, x, state):
+    """Send the robot's transform, and an obstacle, until a state is there."""
+    def send():
+        send_transforms(running, ('odom', 'base', running.now(), x, 0.0))
+        running.send_set('/obstacles', box(9.0), frame_id='odom')
+    running.repeat_until(state, send)
+
+
+def test_static_transform_sent_before_the_start_is_received(join, start_with_tf):
+    publisher = join('before').node.create_publisher(PolygonStamped, '/tf_static', LATCHED)
+    publisher.publish(transforms(('odom', 'camera', 0, 0.5, 0.0)))
+    running = start_with_tf()
+    listener = running.monitor._monitor.transforms
+    running.until(lambda: listener.received['/tf_static'], 'the latched transform')
+
+
+def test_missing_and_invalid_transforms_are_logged(start_with_tf):
+    running = start_with_tf()
+    running.send_until('unknown', '/footprint', box(0), frame_id='base')
+    line, = running.logged('no transform from base to odom: no good transform has come yet')[:1]
+    assert line.startswith('footprint: a message on /footprint was rejected, unknown frame: ')
+    send_transforms(running, ('odom', 'base', running.now(), float('nan'), 0.0))
+    assert running.logged("the transform of 'base' in 'odom' by an unknown publisher")
+
+
+def test_tf_can_be_remapped(start, start_with_tf):
+    running = start(arguments=['-r', '/tf:=tf', '-r', '__ns:=/robot1'], frame_id='odom')
+    topics = {one.topic_name for one in running.monitor.subscriptions}
+    assert {'/robot1/tf', '/tf_static'} <= topics
+
+
+SQUARE = '[[0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5], [0.5, -0.5]]'
+SQUARE_OF_BASE = {'footprint__points': SQUARE, 'footprint__frame_id': 'base'}
+
+
+def test_outline_follows_tf(start_with_tf):
+    running = start_with_tf(**SQUARE_OF_BASE)
+    for x, state in ((0.0, 'clear'), (9.5, 'collision'), (8.0, 'clear')):
+        drive(running, x, state)
+    assert running.value('frame') == 'base'
+    assert 0.0 <= float(running.value('age of transform')) < 60.0
+    assert running.set_parameters(footprint__points='[[1.5, 0.5], [-0.5, 0.5], [-0.5, -0.5]]') == [
+        None]
+    drive(running, 8.0, 'collision')
+
+
+def test_missing_tf2_msgs_is_logged_once(start, without_tf2_msgs):
+    """A footprint in another frame than the fixed one is refused."""
+    running = start(frame_id='odom', footprints=['footprint', 'outline'],
+                    outline__points=SQUARE, outline__frame_id='base')
+    assert len(running.logged('tf2_msgs is not installed (apt install ros-jazzy-tf2-msgs',
+                              'it is not known where outline is')) == 1
+    running.send_until('unknown', '/footprint', box(0), frame_id='base')
+    assert running.logged('other frame')
+
+
+def test_two_publishers_of_a_frame_are_named(join, start_with_tf):
+    """With their nodes; a frame that only one publishes is not named."""
+    running = start_with_tf(**SQUARE_OF_BASE)
+    second = join().node.create_publisher(PolygonStamped, '/tf', 100)
+    running.until(lambda: second.get_subscription_count(), 'a subscription')
+
+    def send():
+        stamp = running.now()
+        send_transforms(running, ('odom', 'base', stamp, 0.0, 0.0))
+        second.publish(transforms(('odom', 'base', stamp, 0.0, 0.0),
+                                  ('odom', 'arm', stamp, 0.0, 0.0)))
+    running.repeat(send, lambda: 'transforms of base: publishers took turns' in health(running),
+                   'two publishers')
+    assert 'transforms of arm: publishers took turns' not in health(running)
+    assert float(health(running)['transforms: rate [Hz]']) > 1.0
+    assert 'of /peer, sends base' in running.health().message.replace('/peer, /peer', '/peer')
+
+
+ROUND_BASE = {'footprint__radius': 0.5, 'footprint__frame_id': 'base'}
+
+
+def test_start_without_transforms_logs_what_to_do(start_with_tf):
+    """Until a publisher of the remapped topic is found."""
+    running = start_with_tf(**ROUND_BASE, arguments=('-r', '/tf:=/robot/tf'))
+    missing = '/robot/tf has no publisher'
+    running.until_reason(missing)
+    assert running.logged('unknown since the start: ', f' {missing}: start what')
+    running.publisher('/robot/tf', PolygonStamped)
+    running.until(lambda: missing not in running.reason(), timeout=5.0)
+
+
+def test_lack_of_transforms_says_what_is_lacking(start_with_tf, join):
+    """Nothing published, another type, a QoS that does not fit; and a frame nobody tells of."""
+    running = start_with_tf(**ROUND_BASE)
+    peer = join('localisation')
+    running.until_reason('has not been received yet', '/tf has no publisher')
+    best_effort = QoSProfile(depth=9, reliability=ReliabilityPolicy.BEST_EFFORT)
+    for kind, topic, qos, words in (
+            (Bool, '/tf', 9, 'of another type, std_msgs/msg/Bool, where '),
+            (PolygonStamped, '/tf', best_effort, 'it is best effort, the subscription reliable'),
+            (PolygonStamped, '/tf_static', 9, 'it is volatile, the subscription transient local')):
+        publisher = peer.node.create_publisher(kind, topic, qos)
+        words = f'{topic} has a publisher, /localisation, ', words
+        running.until_reason(*words)
+        running.until(lambda: running.health() and all(
+            word in running.health().message for word in words), words)
+        peer.node.destroy_publisher(publisher)
+    send_transforms(running, ('odom', 'other', running.now(), 0.0, 0.0))
+    running.until_reason('no good transform has named base yet, only odom, other')
+    assert running.logged('footprint: a message on /tf was rejected, unknown frame: ',
+                          'only odom, other; correct the frame_id, or publish its transform on')

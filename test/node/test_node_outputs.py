@@ -7,8 +7,9 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Outputs of a running node besides its flags: markers, diagnostics, live parameters."""
+"""Outputs of a running node besides its flags, and that they are those of replay."""
 
+from collections import defaultdict
 import itertools
 import math
 import re
@@ -19,10 +20,13 @@ from harness import APART, box, LASTING, ROBOT, SECOND, to_ns, TOUCHING, values
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message
+from recordings import by_stamp, check, declared, NAMES, published, STAMPS
+from rosbags.highlevel import AnyReader
 from sat_collision import KERNEL
 from sat_collision.geometry.sets.packed_set import PackedSet
 from sat_collision.messages import outputs
 from sat_collision.messages.markers import Markers
+from sat_collision.replay.model.result import Options
 from sat_collision.scene.scene import Scene
 from sat_collision.scene.settings import FootprintSettings, Settings
 from std_msgs.msg import Float64
@@ -229,30 +233,6 @@ def test_way_ahead_does_not_stay_when_nothing_is_received(start):
     monitor.until(lambda: 'footprint/ahead' not in drawn(monitor), 'an end', 10)
 
 
-def test_time_to_collision_with_a_moving_obstacle(start):
-    """Known once an id came twice; if its shape changes, its velocity is unknown."""
-    monitor = start(obstacle__type='polygon_instance', obstacle__moving=True,
-                    obstacle__timeout=0.5, footprint__timeout=0.0)
-    times = monitor.listen('~/footprint/time_to_collision')
-    begun = monitor.now()
-
-    def advance(corners):
-        """Move it at 1 m/s, starting again every second, with the next number of corners."""
-        stamp = monitor.now()
-        x = 3.0 - (stamp - begun) % SECOND / SECOND
-        monitor.send('footprint', ROBOT, stamp)
-        monitor.send('obstacles', box(x)[:next(corners)], stamp, instance=7)
-
-    for corners, expected, is_time in (
-            (itertools.repeat(4), ('obstacle/7', ''), lambda seconds: 0.0 < seconds < 3.0),
-            (itertools.cycle((3, 4)), ('', 'obstacle/7'), math.isnan)):
-        keys = 'first contact with', 'obstacles of unknown motion'
-        monitor.repeat(lambda: advance(corners), lambda: expected == tuple(
-            map(monitor.value, keys)), f'{keys}: {expected}')
-        assert bool(monitor.value('time to collision')) is bool(expected[0])
-        monitor.repeat(lambda: advance(corners), lambda: is_time(times[-1].data), 'a time')
-
-
 def test_health_reports_rates_rejections_check_time_and_kernel(start):
     """Five sets, one of them invalid: a warning in one period, OK in the next."""
     monitor = start(**LASTING)
@@ -381,3 +361,72 @@ def test_separation_follows_the_scene(start):
     monitor.await_state('unknown')
     until_nan()
     assert monitor.value('least separation') == ''
+
+
+STORAGES = 'mcap', 'sqlite3'
+
+
+def between(begin, end, arrays):
+    """Return state, contacts and reason within a time range, without repetition."""
+    return without_repetition(
+        tuple(values(array.status[0])[key] for key in ('state', 'obstacles in contact', 'reason'))
+        for array in arrays if begin <= to_ns(array.header.stamp) <= end)
+
+
+def wait(condition):
+    """Wait for the node, which runs in its own thread, without receiving its messages."""
+    end = time.monotonic() + 60.0
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(1e-4)
+
+
+def without_repetition(items):
+    return [item for item, _ in itertools.groupby(items)]
+
+
+@pytest.mark.parametrize('name', [
+    pytest.param(name, marks=() if 'commonroad' in name else pytest.mark.long)
+    for name in NAMES])
+def test_live_node_and_replay_publish_the_same(start, tmp_path, name):
+    """
+    The node publishes the same changes of state that replay writes to a bag.
+
+    The recording is played in order, each message once the previous one is counted; the clock
+    follows header stamps and advances until each set is whole. All changes within a stamp are
+    compared, from the third stamp on: the node knows more about the first set, because it is
+    its publisher's first.
+    """
+    bag = published(name, STORAGES[NAMES.index(name) % 2])
+    monitor = start(use_sim_time=True, publish_rate=5.0, obstacle__set_end=STAMPS)
+    received = monitor.listen('~/state', 10_000)
+    flags = monitor.listen('~/collision', 10_000)
+    sent = 0
+    stamps = []
+    monitor.set_clock(next(by_stamp(bag))[0])
+    monitor.until(lambda: monitor.status() and '/clock' not in monitor.reason(), 'the clock')
+    for stamp, messages in by_stamp(bag):
+        monitor.set_clock(stamp)
+        wait(lambda: monitor.monitor.get_clock().now().nanoseconds == stamp)
+        if len(stamps) == 2:
+            monitor.until(lambda: to_ns(received[-1].header.stamp) == stamp, 'the state so far')
+        for topic, data in messages:
+            monitor.publisher(topic).publish(data)
+            sent += 1
+            wait(lambda: monitor.received.total() == sent)
+        stamps.append(stamp)
+        monitor.set_clock(stamp + SECOND // 16)
+        wait(lambda: monitor.monitor._scene.deadline > stamp + SECOND // 16)
+    monitor.until(lambda: received and to_ns(received[-1].header.stamp) > stamp, 'the last state')
+    check(bag, Options(clock='header', as_live=True, write_bag=str(tmp_path / 'out'),
+                       parameters={'publish_rate': 5.0, **declared(STAMPS)}))
+    written = defaultdict(list)
+    with AnyReader([tmp_path / 'out']) as reader:
+        for connection, _, data in reader.messages():
+            written[connection.topic].append(reader.deserialize(data, connection.msgtype))
+    assert between(stamps[2], stamp, received) == between(
+        stamps[2], stamp, written['/footprint_monitor/state'])
+    raised = without_repetition(
+        flag.data for flag in written['/footprint_monitor/collision'])[2:]
+    monitor.until(lambda: without_repetition(flag.data for flag in flags)[-len(raised):] == raised,
+                  f'flags {raised}')

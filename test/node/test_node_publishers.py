@@ -13,7 +13,7 @@ import time
 from types import SimpleNamespace
 
 from geometry_msgs.msg import PolygonInstanceStamped, PolygonStamped
-from harness import APART, box, health, LASTING, polygon_message, ROBOT, SECOND, TOUCHING
+from harness import APART, box, health, LASTING, ROBOT, SECOND, TOUCHING
 from publishers import ALIVE, Publisher, sets, World
 import pytest
 from rclpy.duration import Duration
@@ -220,40 +220,12 @@ def test_latched_map_sent_before_the_node_started(start, join):
     monitor.await_state('collision')
 
 
-@pytest.fixture
-def mapped(start, join):
-    """Return a monitor that knows a latched map, and the peer that published it."""
-    monitor, mapper = start(**MAP), join('mapper')
+def test_latched_map_survives_another_publisher(start, join):
+    """As `ros2 topic pub --once`: its obstacle is forgotten once it has gone."""
+    monitor, mapper, once = start(**MAP), join('mapper'), join('once')
     publish_map(mapper, APART, box(7, 7))
     monitor.send('footprint', ROBOT)
     monitor.await_state('clear')
-    return monitor, mapper
-
-
-def test_latched_map_of_a_publisher_that_restarts(mapped, join):
-    """Its new map replaces the old one, whether it has more or fewer obstacles."""
-    monitor, mapper = mapped
-    for points, state in ((TOUCHING, 'collision'), (APART, 'clear')):
-        mapper.leave('/map')
-        monitor.until_reason('/map has no publisher')
-        publish_map(mapper, points)
-        monitor.await_state(state)
-
-
-def test_latched_map_of_a_source_that_is_disabled_and_enabled(mapped):
-    """The map is forgotten, and comes again from its publisher."""
-    monitor, _ = mapped
-    assert monitor.set_parameters(map__enabled=False) == [None]
-    monitor.await_state('unknown')
-    assert monitor.set_parameters(map__enabled=True) == [None]
-    monitor.await_state('clear')
-    assert len(monitor.monitor._scene.obstacles) == 2
-
-
-def test_latched_map_survives_another_publisher(mapped, join):
-    """As `ros2 topic pub --once`: its obstacle is forgotten once it has gone."""
-    monitor, _ = mapped
-    once = join('once')
     publish_map(once, TOUCHING)
     monitor.await_state('collision')
     once.leave('/map')
@@ -286,37 +258,6 @@ def test_kept_map_of_a_publisher_that_hangs_does_not_count_for_another(start, jo
     assert counted() == ['/lives'] and 'clear' not in monitor.states()[begun + 3:]
     peers[0].leave('/map')
     monitor.await_state('clear')
-
-
-def test_short_lived_publisher_that_the_graph_may_miss(start, join):
-    """
-    It sends a single empty polygon.
-
-    The next whole set recovers; if the graph reports the publisher late, obstacles held then
-    stay until their timeout.
-    """
-    monitor = start(**{**LASTING, 'obstacle__timeout': 2.0})
-    monitor.become('clear', APART)
-    once = join('once').node
-    for _ in range(5):
-        publisher = once.create_publisher(PolygonStamped, '/obstacles', 1)
-        monitor.until(publisher.get_subscription_count)
-        publisher.publish(polygon_message([], monitor.now()))
-        once.destroy_publisher(publisher)
-        monitor.spin(0.1)
-    for state, points in (('clear', APART), ('collision', TOUCHING), ('clear', APART)):
-        monitor.send_set_until(state, 'obstacles', points)
-
-
-def test_latched_map_survives_a_clock_that_is_set_back(start, join):
-    """Only the footprint must be sent again: maps have no age."""
-    monitor, mapper = start(use_sim_time=True, **MAP), join('mapper')
-    for second in (3600, 3000):
-        monitor.set_clock(second * SECOND)
-        if second == 3600:
-            publish_map(mapper, APART)
-        monitor.send_until('clear', 'footprint', ROBOT, stamp=second * SECOND)
-    assert len(monitor.monitor._scene.obstacles) == 1
 
 
 @pytest.fixture

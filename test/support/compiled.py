@@ -7,8 +7,9 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Kernels in tests: callable where only other kernels call them, and as plain Python."""
+"""Kernels in tests, and processes with them: in plain Python, or without write permission."""
 
+import ctypes
 import os
 from pathlib import Path
 import shutil
@@ -24,6 +25,8 @@ COMPILED_FILES = ('__pycache__',)
 MARK = 'prepared-*'
 # The kernels by which a node finds those for distances compiled.
 FOR_DISTANCES = 'contact.*.nb?', 'path.*.nb?'
+_DROP_FROM_BOUNDING_SET = 24
+_WRITE_ANYWHERE, _READ_ANYWHERE, _CHANGE_ANYWHERE = 1, 2, 3
 
 
 def callable_here(*functions):
@@ -52,3 +55,25 @@ def run_beside_tests(program, **more):
             os.environ.get('PYTHONPATH', '')]
     return subprocess.run([sys.executable, '-c', program], capture_output=True, text=True,
                           env={**os.environ, 'PYTHONPATH': os.pathsep.join(path), **more})
+
+
+def without_privileges():
+    """Make this process, and the program it becomes, obey file permissions even as root."""
+    prctl = ctypes.CDLL(None).prctl
+    for capability in (_WRITE_ANYWHERE, _READ_ANYWHERE, _CHANGE_ANYWHERE):
+        prctl(_DROP_FROM_BOUNDING_SET, capability)
+
+
+def forbid_writing(folder):
+    """Remove write permission from a folder and everything in it; the owner may delete."""
+    for path in (folder, *Path(folder).rglob('*')):
+        if not path.is_symlink():
+            os.chmod(path, path.stat().st_mode & 0o555)
+
+
+def allow_writing(folder):
+    """Restore write permission of folders, so that they can be deleted."""
+    os.chmod(folder, 0o755)
+    for path in Path(folder).rglob('*'):
+        if path.is_dir():
+            os.chmod(path, 0o755)

@@ -98,17 +98,17 @@ accuracy: $(VENV)/bench.stamp
 # The search for inputs that break the proofs of docs/exactness.md: make adversary EVALUATIONS=1e6
 EVALUATIONS ?= 1e7
 adversary: $(VENV)/test.stamp
-	PYTHONPATH=.:test/support $(BIN)/python test/geometry/adversary.py --evaluations $(EVALUATIONS)
+	PYTHONPATH=.:test/support $(BIN)/python test/geometry/test_adversary.py --evaluations $(EVALUATIONS)
 
 # Random paths beside shapely at 10,000 places of each segment: make paths PATHS=1e3
 PATHS ?= 1e5
 paths: $(VENV)/test.stamp
-	PYTHONPATH=.:test/support $(BIN)/python test/geometry/paths.py --paths $(PATHS)
+	PYTHONPATH=.:test/support $(BIN)/python test/geometry/test_path.py --paths $(PATHS)
 
 # Random recordings beside the exact oracle of recorded motion: make motion RECORDINGS=1e4
 RECORDINGS ?= 1e6
 motion: $(VENV)/test.stamp
-	PYTHONPATH=.:test/support $(BIN)/python test/replay/motion/theory.py --recordings $(RECORDINGS)
+	PYTHONPATH=.:test/support $(BIN)/python test/replay/motion/test_replay_theory.py --recordings $(RECORDINGS)
 
 # What can happen around one source, every order of DEPTH events and random RUNS in each form:
 # make knowing DEPTH=1 RUNS=1e3

@@ -15,11 +15,11 @@ from pathlib import Path
 import families
 import numpy as np
 import oracle
-from paths import BAR, BOX, L
 import pytest
 from sat_collision import (
     intersects, PolygonError, PolygonSet, separation, time_of_contact, time_to_contact)
 import shapes
+from test_path import BAR, BOX, L
 
 DATA = json.loads((Path(__file__).parents[1] / 'data' / 'prediction.json').read_text())
 TRANSLATIONS = [dict(zip(DATA['columns'], row)) for row in DATA['translations']]

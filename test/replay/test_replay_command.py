@@ -162,21 +162,30 @@ def test_junit_fails_where_no_footprint_is_enabled(bags, tmp_path):
 
 
 def test_baseline(bags, tmp_path, capsys):
-    """An expected collision is no failure; a missing one is."""
-    stored = str(tmp_path / 'stored.json')
+    """An expected collision is no failure; a missing one is. JUnit says the same."""
+    stored, junit = str(tmp_path / 'stored.json'), tmp_path / 'a.xml'
+
+    def failed():
+        return [case.get('classname') for case in ElementTree.parse(junit).iter('testcase')
+                if case.find('failure') is not None]
+
     assert main([bags['collision'], bags['clear'], '--json', stored]) == 1
-    assert main([bags['collision'], bags['clear'], '--expect', stored]) == 0
+    assert main([bags['collision'], bags['clear'], '--expect', stored, '--junit', str(junit)]) == 0
+    suite, = ElementTree.parse(junit).iter('testsuite')
+    assert [suite.get(key) for key in ('tests', 'failures', 'errors')] == ['2', '0', '0']
     moved = tmp_path / 'elsewhere'
     moved.mkdir()
     again = [str(write(moved / 'collision', drive(contact=(0, 0)))), bags['clear']]
     capsys.readouterr()
-    assert main([*again, '--expect', stored]) == 1
+    assert main([*again, '--expect', stored, '--junit', str(junit)]) == 1
     out = capsys.readouterr().out
     assert f'collision: contacts.footprint - {SOURCE}/0 #1 is missing' in out
     assert 'collision: verdict is "clear", expected "collision"' in out
     assert 'clear:' not in out.replace('is "clear"', '').replace(bags['clear'], '')
-    assert main([bags['clear'], '--expect', stored]) == 1
+    assert failed() == ['collision']
+    assert main([bags['clear'], '--expect', stored, '--junit', str(junit)]) == 1
     assert 'expected, but not checked' in capsys.readouterr().out
+    assert failed() == ['collision']
     Path(stored).write_text('{"schema": "other"}')
     assert main([bags['clear'], '--expect', stored]) == 3
 

@@ -13,15 +13,12 @@ import math
 from random import Random
 
 from builders import box, collection, odometry, SECOND, serialised, transforms
-from moving_scenes import FIXED, MovingScene, OUTLINE, WINDOW, WINDOWS
 import numpy as np
-import oracle
 import pytest
 from recordings import (
     check, COLLECTION, declared, INSTANCE, MARKS, nanoseconds, POLYGON, SOURCE, STAMPS, START,
     write)
 from sat_collision.replay.bag.recording import Recording
-from sat_collision.replay.losses import UNSEEN
 from sat_collision.replay.model.configuration import settings_of
 from sat_collision.replay.model.result import HEADER, NODE, Options, Verdict
 from sat_collision.scene.parameters import ParameterError
@@ -450,40 +447,3 @@ def test_motion_is_that_of_the_fixed_frame(tmp_path, kind, delay, turning):
         moving = recorded(tmp_path / '-'.join(frames), kind, delay, turning, frames)
         # Without rotation the numbers are identical.
         compare(moving, fixed, 1e-5 if turning else 0.0)
-
-
-SCENE = {
-    'frame_id': FIXED, 'transform_timeout': 1.0, 'footprints': ['robot', 'cart'],
-    'robot.topic': '/footprint', 'robot.timeout': 0.0, 'cart.timeout': 0.0,
-    'cart.frame_id': 'base', 'cart.rate': 1000.0, 'cart.points': [
-        number for corner in OUTLINE for number in (corner.real, corner.imag)],
-    f'{SOURCE}.type': 'polygon_instance', f'{SOURCE}.timeout': 60.0}
-
-
-def touching(result, time):
-    """Return the footprints and obstacles in contact at a time."""
-    return {(contact.footprint, contact.obstacle) for contact in result.contacts
-            if contact.first <= nanoseconds(time) and (
-                nanoseconds(time) < contact.last or contact.at_end)}
-
-
-@pytest.mark.parametrize('seed', range(8))
-def test_contacts_of_random_scenes_are_those_of_the_fixed_frame(tmp_path, seed):
-    """And those of the true poses, at the end of each window when all messages have arrived."""
-    scene = MovingScene(seed, START)
-    moving, fixed = (
-        run(tmp_path / name, [(topic, time, data) for time, topic, data in events], SCENE,
-            INSTANCE, as_live=True)
-        for name, events in (('moving', scene.moving), ('fixed', scene.fixed)))
-    for result in (moving, fixed):
-        assert (result.problems, result.notes) == ([], [UNSEEN])
-        assert not any(source.rejected for source in result.sources)
-    for window in range(WINDOWS):
-        end = (window + 1) * WINDOW
-        bodies = {**scene.truth[window], 'cart': scene.outline(end)}
-        rings = {name: [(corner.real, corner.imag) for corner in ring]
-                 for name, ring in bodies.items()}
-        true = {(name, f'{SOURCE}/{key}') for name in ('robot', 'cart')
-                for key in rings.keys() - {'robot', 'cart'}
-                if oracle.intersects(rings[name], rings[key])}
-        assert touching(moving, end) == touching(fixed, end) == true

@@ -242,21 +242,6 @@ def test_parameter_file_without_this_node_is_bad_input(bags, tmp_path, capsys):
             capsys, *arguments, name)
 
 
-def test_junit_with_a_baseline(bags, tmp_path):
-    """An expected contact is no failure; a difference is."""
-    stored, junit = str(tmp_path / 'stored.json'), tmp_path / 'a.xml'
-    assert main([*bags, '--json', stored]) == 1
-    assert main([*bags, '--expect', stored, '--junit', str(junit)]) == 0
-    suite, = ElementTree.parse(junit).iter('testsuite')
-    assert (suite.get('tests'), suite.get('failures'), suite.get('errors')) == ('2', '0', '0')
-    assert main([bags[1], '--expect', stored, '-p', 'margin:=0.1', '--junit', str(junit)]) == 1
-    suite, = ElementTree.parse(junit).iter('testsuite')
-    assert (suite.get('tests'), suite.get('failures')) == ('2', '2')
-    failures = {case.get('classname'): case.find('failure').get('message')
-                for case in suite.iter('testcase')}
-    assert failures['clear'] == 'expected, but not checked' and 'touching' in failures
-
-
 @pytest.mark.parametrize('topics, arguments, words', [
     (['/footprint', '/obstacles'], ['--footprint', '/footprints'],
      '/footprints; did you mean /footprint?'),

@@ -9,6 +9,7 @@
 
 """Plans in recordings: each is checked when it comes, by the code of the node."""
 
+import csv
 from dataclasses import replace
 import json
 import math
@@ -339,17 +340,9 @@ def test_results_for_machines(tmp_path, monkeypatch):
                      str(tmp_path / 'rows.csv')]) == 0
     assert files['1'].read_text() == files['2'].read_text()
     stored = json.loads(files['1'].read_text())
-    first, second = stored['bags']
-    one, = first['plan_contacts']
-    assert {**one, 'pose': None, 'metres': None} == {
-        'footprint': 'footprint', 'obstacle': f'{SOURCE}/0', 'time': nanoseconds(1.05),
-        'until': nanoseconds(2.0), 'pose': None, 'metres': None}
-    assert [bag['footprints'][0]['plans'] for bag in stored['bags']] == [1, 1]
-    assert second['plan_contacts'] == []
-    rows = (tmp_path / 'rows.csv').read_text().splitlines()
-    row, = (line.split(',') for line in rows if ',plan,' in line)
-    found = dict(zip(rows[0].split(','), row))
-    assert (float(found['pose']), float(found['along_m'])) == (one['pose'], one['metres'])
+    one, = stored['bags'][0]['plan_contacts']
+    row, = (row for row in csv.DictReader((tmp_path / 'rows.csv').open()) if row['kind'] == 'plan')
+    assert (float(row['pose']), float(row['along_m'])) == (one['pose'], one['metres'])
     assert main([*arguments, '--expect', str(files['1'])]) == 0
     one['metres'] -= 0.1
     files['1'].write_text(json.dumps(stored))

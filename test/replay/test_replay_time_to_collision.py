@@ -18,15 +18,12 @@ from xml.etree import ElementTree
 
 from builders import command, SECOND, serialised, transforms
 import numpy as np
-from published import DATA
 import pytest
 from recordings import (
     box, check, declared, INSTANCE, main, MARKS, nanoseconds, SOURCE, STAMPS, write)
 from sat_collision.messages.rosbags_interfaces import STORE
 from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.model.result import Limits, Options, Verdict
-
-NUPLAN = json.loads((DATA / 'prediction.json').read_text())['time_to_collision']
 
 
 def samples(result):
@@ -111,25 +108,6 @@ def test_times_on_arcs_are_never_late(tmp_path, seed):
     assert len(found) >= 10
     for k, value in found.items():
         assert touched - 1e-3 - 2e-3 / speed <= value + k / 10 <= touched + 1e-4
-
-
-@pytest.mark.parametrize('scene', NUPLAN, ids=lambda scene: scene['name'])
-def test_scenes_of_nuplan(tmp_path, scene):
-    """The time at the scene's moment is the first of its exact ones."""
-    def at(points, velocity, tenths):
-        return (np.array(points) + np.array(velocity) * tenths / 10).tolist()
-
-    messages = []
-    for k in range(5):
-        for number, (track, velocity, _, _) in enumerate(scene['tracks'], 1):
-            messages.append(('/tracks', k / 10, serialised(
-                at(track, velocity, k - 3), nanoseconds(k / 10), instance=number)))
-        messages.append(('/ego', k / 10, at(scene['ego'], scene['ego_velocity'], k - 3)))
-    result = check(write(tmp_path / 'bag', messages, types={'/tracks': INSTANCE}), Options(
-        footprints=('/ego',), obstacles=('tracks:=/tracks',), min_ttc=scene['horizon'],
-        parameters={'tracks.timeout': 0.2, 'future_tolerance': 0.05}))
-    first = min((exact for *_, exact in scene['tracks'] if exact is not None), default=None)
-    assert samples(result)[3] == (first if first is None else pytest.approx(first, abs=1e-4))
 
 
 def test_no_time_while_unknown(tmp_path):

@@ -12,8 +12,8 @@ All outputs of a check say the same.
 
 Random recordings are checked by the command, as recorded motion and as live. From each output are
 read back the verdict, contacts, unknown and undetermined times of each footprint, plans in contact
-and losses: from JSON, CSV, JUnit, the report, the data of the page, the bars of the picture and
-messages of the bag. Each is compared with JSON, whose verdict and totals follow from its times.
+and losses: from JSON, CSV, JUnit, the report, the data of the page and messages of the bag. Each
+is compared with JSON, whose verdict and totals follow from its times.
 """
 
 import csv
@@ -22,24 +22,15 @@ import re
 from typing import NamedTuple
 from xml.etree import ElementTree
 
-from builders import path as plan, serialised, transforms
+from builders import path as plan, SECOND, serialised, transforms
 import numpy as np
 import pytest
 from random_recordings import FORMS, METRE, outline, Recorded
 from recordings import (
     COLLECTION, INSTANCE, losses, LOST, LOST_TOPIC, main, MARKS, STAMPS, START, write)
 from rosbags.highlevel import AnyReader
-from sat_collision.replay.check import check
-from sat_collision.replay.model.result import joined, Options
+from sat_collision.replay.model.result import joined
 
-pytest.importorskip('matplotlib')
-
-from matplotlib.colors import to_hex  # noqa: E402, I100
-from matplotlib.patches import Rectangle  # noqa: E402
-from sat_collision.replay.output.figure import draw_picture  # noqa: E402
-from sat_collision.replay.output.text import GREY, RED  # noqa: E402
-
-SECOND = 10**9
 # How far apart are two times, one of which is rounded to ms.
 NEAR = SECOND // 2000 + 1
 TYPES = {'/tf': 'tf2_msgs/msg/TFMessage', '/plan': 'nav_msgs/msg/Path', LOST_TOPIC: LOST}
@@ -87,7 +78,6 @@ class Checked:
             parameters['walls.set_end'] = form
         limits = {name: getattr(case, name) for name in (
             'max_unknown', 'max_undetermined', 'fail_on')}
-        self.options = Options(parameters=parameters, as_live=as_live, keyframes=True, **limits)
         self.paths = {kind: folder / f'result.{kind}' for kind in ('json', 'csv', 'junit', 'html')}
         self.written = folder / 'written'
         params = folder / 'params.yaml'
@@ -332,39 +322,6 @@ def bars_of(bag):
     return sorted(bars)
 
 
-def agrees_picture(bag, figure):
-    """Compare the title, the bars of each footprint, the shades above them and the dots."""
-    assert figure.get_suptitle().endswith(f': {bag["verdict"]}')
-    curves, rows, *_ = figure.axes
-    # A short one is wider than it was.
-    least = (bag['end'] - bag['start']) / SECOND / 250
-
-    def drawn(axes, colour):
-        return [(patch.get_x(), patch.get_x() + patch.get_width(), round(
-            patch.get_y() + patch.get_height() / 2)) for patch in axes.patches
-            if isinstance(patch, Rectangle) and to_hex(patch.get_facecolor()) == colour]
-
-    found = []
-    end = 0
-    for name, middle in zip(rows.get_yticklabels(), rows.get_yticks()):
-        first, end = end, round(2 * middle) - end + 1
-        found += [(name.get_text(), colour, (left + right) / 2, right - left)
-                  for colour in (RED, GREY) for left, right, row in drawn(rows, colour)
-                  if first <= row < end]
-    expected = [(name, GREY if words in UNDECIDED else RED, ((first + last) / 2 - bag['origin'])
-                 / SECOND, max((last - first) / SECOND, least))
-                for name, words, first, last in bars_of(bag)]
-    assert len(found) == len(expected) and all(
-        one[:2] == other[:2] and one[2:] == pytest.approx(other[2:], abs=1e-6)
-        for one, other in zip(sorted(found), sorted(expected)))
-    for colour in RED, GREY:
-        assert np.array(joined(one[:2] for one in drawn(curves, colour))) == pytest.approx(
-            np.array(joined(one[:2] for one in drawn(rows, colour))))
-    dots = [line for line in curves.lines if line.get_marker() == 'o']
-    assert sorted(line.get_xdata()[0] for line in dots) == pytest.approx(sorted(
-        (one['deepest'] - bag['origin']) / SECOND for one in bag['contacts']))
-
-
 def agrees_written(bag, path):
     """Compare flags and states of the node, each from its message until the next."""
     states, flags = {}, {}
@@ -430,6 +387,3 @@ def test_all_outputs_say_the_same(tmp_path, capsys, case, as_live):
     agrees_page(bag, checked.paths['html'])
     if as_live:
         agrees_written(bag, checked.written)
-    elif case.form == 'ids':
-        # Drawing takes longer than all else, and does not ask how intervals were found.
-        agrees_picture(bag, draw_picture(check(checked.bag, checked.options)))

@@ -20,11 +20,12 @@ import tempfile
 import textwrap
 
 from compiled import plain_python
+import numpy as np
 import pytest
 from recordings import box, check, content_of, drive, published, SOURCE, START, write
 from rosbags.highlevel import AnyReader
 from sat_collision.replay.model.configuration import parameters_of_file
-from sat_collision.replay.model.result import Options
+from sat_collision.replay.model.result import joined, Options
 from sat_collision.replay.output.bag import write_example
 
 pytest.importorskip('matplotlib')
@@ -32,7 +33,7 @@ pytest.importorskip('matplotlib')
 from matplotlib.colors import to_hex  # noqa: E402, I100
 from matplotlib.text import Text  # noqa: E402
 from sat_collision.replay.output.figure import draw_picture, write_picture  # noqa: E402
-from sat_collision.replay.output.text import lanes_of, RED  # noqa: E402
+from sat_collision.replay.output.text import GREY, lanes_of, RED  # noqa: E402
 
 SECOND = 10**9
 WITHOUT_ROS = """
@@ -206,6 +207,16 @@ def of_long():
                  Options(keyframes=True))
 
 
+@functools.cache
+def of_overlaps():
+    """Return the result of a robot that two obstacles touch, for a while both."""
+    return check(write(FOLDER / 'overlaps', [message for k in range(100) for message in (
+        ('/footprint', k / 10, box(0)),
+        ('/obstacles', k / 10, box(0.75 if 20 <= k < 50 else 3)),
+        ('/obstacles', k / 10, box(-0.75 if 30 <= k < 60 or k > 80 else -4)),
+        ('/obstacles', k / 10, []))]), Options(keyframes=True))
+
+
 def of_published(name, marks=()):
     return pytest.param(lambda: check(published(name), Options(keyframes=True)), id=name,
                         marks=marks)
@@ -287,18 +298,39 @@ def test_texts_of_a_picture():
     assert titles == sorted(titles, key=lambda text: float(text.split()[0])) and len(titles) == 3
 
 
-def test_overlapping_bars_have_their_own_rows(tmp_path):
-    messages = [message for k in range(100) for message in (
-        ('/footprint', k / 10, box(0)),
-        ('/obstacles', k / 10, box(0.75 if 20 <= k < 50 else 3)),
-        ('/obstacles', k / 10, box(-0.75 if 30 <= k < 60 or k > 80 else -4)),
-        ('/obstacles', k / 10, []))]
-    lane, = lanes_of(check(write(tmp_path / 'bag', messages), Options(keyframes=True)))
+def test_overlapping_bars_have_their_own_rows():
+    lane, = lanes_of(of_overlaps())
     bars = sorted((bar.first, bar.row) for bar in lane.bars if bar.contact)
     assert [row for _, row in bars] == [0, 1, 0]
     # In the third row is when it is not known which of them came or went.
     assert lane.end == 3
     assert {bar.text for bar in lane.bars if bar.row == 2} == {'undetermined'}
+
+
+@pytest.mark.parametrize('made', [of_warehouse, of_overlaps, of_long])
+def test_bars_shades_curves_and_dots_of_a_picture(made):
+    """Each has its time; short bars are widened around their middle."""
+    result = made()
+    curves, rows, *_ = drawn(made).axes
+    lanes = lanes_of(result)
+    assert [*rows.get_yticks()] == [(lane.first + lane.end - 1) / 2 for lane in lanes]
+    for colour in (RED, GREY):
+        bars, shades = (np.array(sorted(
+            (patch.get_y() + patch.get_height() / 2, *patch.get_bbox().intervalx)
+            for patch in axes.patches if to_hex(patch.get_facecolor()) == colour))
+            for axes in (rows, curves))
+        least = result.duration / 250
+        wanted = [(bar.row, (bar.first + bar.last) / 2, max(bar.last - bar.first, least) / 2)
+                  for lane in lanes for bar in lane.bars
+                  if (bar.contact is not None) is (colour == RED)]
+        assert bars == pytest.approx(np.array(sorted(
+            (row, middle - half, middle + half) for row, middle, half in wanted)), abs=1e-6)
+        assert shades[:, 1:] == pytest.approx(np.array(joined(map(tuple, bars[:, 1:]))))
+    for line, footprint in zip(curves.lines, result.footprints):
+        assert [*line.get_xdata()] == [result.since(time) for time, _ in footprint.separation]
+    dots = [line.get_xdata()[0] for line in curves.lines if line.get_marker() == 'o']
+    assert sorted(dots) == pytest.approx(sorted(
+        result.since(contact.deepest) for contact in result.contacts))
 
 
 def test_short_contact_is_visible_on_a_long_axis():

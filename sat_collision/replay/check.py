@@ -350,8 +350,11 @@ class _Check:
             total = sum(self._recording.counts[topic] for topic in names)
             read = _with_progress(read, total, progress)
         if self._motion:
-            return StampOrder(read, by_header, marks, dict.fromkeys(self._timeless, 0) | {
-                one.path: start for one in self._settings.footprints if one.path})
+            timeless = dict.fromkeys(self._timeless, 0) | {
+                one.path: start for one in self._settings.footprints if one.path}
+            by_timeout = sorted(self._settings.obstacles, key=attrgetter('timeout'), reverse=True)
+            return StampOrder(read, by_header, marks, timeless, {
+                one.topic: round(one.timeout * 1e9) for one in by_timeout if one.timeout})
         return (by_stamps_as_received(read, {*TRANSFORM_TOPICS, *self._timeless}) if by_header
                 else ArrivalOrder(read))
 

@@ -93,12 +93,15 @@ class StampOrder:
     Where a mark ends a set, order says what is in it: its messages stay in their order, and all
     count at the latest stamp of them but that of the mark. Those of a map, each of which stays,
     count at the latest stamp of those received until then. `marks` has for the topic of each such
-    source what tells whether a message is a mark.
+    source what tells whether a message is a mark. A set that stays open for longer than its
+    timeout in ns, in `timeouts`, is read in parts, as what is older would be refused. What has no
+    mark counts at its own stamp, or at that of a message before if this is later.
     """
 
     def __init__(self, rows: Iterable[Row], by_header: bool,
                  marks: Mapping[str, Callable[[bytes], bool]] | None = None,
-                 timeless: Mapping[str, int] | None = None) -> None:
+                 timeless: Mapping[str, int] | None = None,
+                 timeouts: Mapping[str, int] | None = None) -> None:
         # How much later than its time the last message was received, ns; unused by header.
         self.delay = 0
         self._rows = rows
@@ -109,6 +112,9 @@ class StampOrder:
         # The same of the sets that are being received, by their topics.
         self._sets: dict[str, list[_Counted]] = {topic: [] for topic in marks or ()}
         self._marks = marks or {}
+        self._timeouts = timeouts or {}
+        # The oldest and the newest time in the set that is being received, by topic.
+        self._spans: dict[str, tuple[int, int]] = {}
         # The first of each frame, None once it was corrected.
         self._static: dict[str, object] = {}
 
@@ -193,14 +199,19 @@ class StampOrder:
 
     def _add_to_set(self, topic: str, counted: _Counted) -> None:
         """Add messages to the set that is being received on a topic, or to the next one."""
-        if self._sets[topic] and self._marks[topic](self._sets[topic][-1][-1][-1]):
+        parts, time = self._sets[topic], counted[0]
+        oldest, newest = self._spans[topic] if parts else (time, time)
+        if parts and (self._marks[topic](parts[-1][-1][-1])
+                      or newest <= time > oldest + self._timeouts.get(topic, time)):
             self._end_set(topic)
-        self._sets[topic].append(counted)
+            oldest = newest = time
+        parts.append(counted)
+        self._spans[topic] = min(oldest, time), max(newest, time)
 
     def _end_set(self, topic: str) -> None:
         parts, is_mark = self._sets[topic], self._marks[topic]
         times = [0 if is_mark(run[0]) else time for time, *_, run in parts]
-        if topic not in self._timeless:
+        if topic not in self._timeless and is_mark(parts[-1][-1][0]):
             times[0] = max(times)
         # Only an empty set counts at the stamp of its mark.
         self._waiting += [(time or parts[-1][0], count, topic, run)

@@ -240,6 +240,20 @@ def test_silence_of_a_source_that_never_sees_anything_is_undetermined(tmp_path):
     assert result.verdict is Verdict.UNKNOWN
 
 
+@pytest.mark.parametrize('clock', ['receive', 'header'])
+@pytest.mark.parametrize('touches, marked', [((0.0, 2.0), 0.0), ((2.5, 3.0), 2.0)],
+                         ids=['never marked', 'no longer marked'])
+def test_set_that_stays_open_for_longer_than_its_timeout_touches(tmp_path, touches, marked, clock):
+    """Its publisher forgets the marks: nothing is refused as too old, and no contact is lost."""
+    messages = samples([0.0] * 51) + [
+        ('/obstacles', k / 10, box(0.5 if touches[0] <= k / 10 < touches[1] else 5.0))
+        for k in range(51)] + [('/obstacles', k / 10, []) for k in range(51) if k / 10 < marked]
+    result = run(tmp_path, messages, MARKS, parameters={f'{SOURCE}.timeout': 2.0}, clock=clock)
+    assert result.verdict is Verdict.COLLISION and not any(one.rejected for one in result.sources)
+    assert times(result)[-1] == pytest.approx(touches[1] - 0.1 + 2.0)
+    assert 'a whole set' in str(result.unknown) or 'not ended a set' in str(result.unknown)
+
+
 def test_time_after_the_last_footprint_is_undetermined(tmp_path):
     """It is not clear, and does not fail the check as long as the footprint is not silent."""
     result = run(tmp_path, samples([0.0] * 20) + samples([5.0] * 24, '/obstacles'))

@@ -221,6 +221,10 @@ class _Check:
             f'a contact with {one.name} may be with where an obstacle was: {advice}'
             for one in self._settings.obstacles if one.enabled and self._monitor.received[one.name]
             and (advice := self._scene.sources[one.name].advice)]
+        if self._options.as_live:
+            result.notes += [
+                f'{one.name}.min_time_to_collision raises no flag here; --min-ttc asks for times'
+                for one in self._settings.footprints if one.min_time_to_collision]
         if self._drawing:
             result.keyframes = self._drawing.keyframes
 

@@ -190,6 +190,24 @@ def test_baseline(bags, tmp_path, capsys):
     assert main([bags['clear'], '--expect', stored]) == 3
 
 
+def test_problem_of_a_recording_is_no_expected_result(tmp_path, capsys):
+    """Its contacts are as expected, and so is the verdict."""
+    stored = str(tmp_path / 'stored.json')
+    bag = write(tmp_path / 'bag', drive())
+    assert main([str(bag), '--json', stored]) == 1
+    (bag / 'other.mcap').write_bytes(b'no recording')
+    assert main([str(bag), '--expect', stored]) == 1
+    assert re.search('bag: number of problems is [12], expected 0', capsys.readouterr().out)
+
+
+def test_missing_flag_of_an_imminent_collision_is_noted(tmp_path, capsys):
+    bag = str(write(tmp_path / 'bag', drive(contact=(0, 0))))
+    soon = '-p', 'footprint.min_time_to_collision:=4.0'
+    assert main([bag, *soon]) == 0 and 'raises no flag' not in capsys.readouterr().out
+    assert main([bag, *soon, '--as-live']) == 0
+    assert 'note: footprint.min_time_to_collision raises no flag' in capsys.readouterr().out
+
+
 def test_max_undetermined(tmp_path, capsys):
     """Where one obstacle disappears another appears, which may be the same."""
     messages = [(topic, k / 10, points) for k in range(10) for topic, points in (

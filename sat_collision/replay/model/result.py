@@ -32,6 +32,8 @@ NODE = '/footprint_monitor'
 RECEIVE = 'receive'
 HEADER = 'header'
 PLAN = 'plan'
+# In the words of a problem for which the bag asked for is not written.
+WRITING = ': --write-bag: '
 _SECOND = 10**9
 # Moments drawn over all time, and around each of the deepest contacts; max of these contacts.
 _MOMENTS = 400
@@ -268,11 +270,11 @@ class Result:
     @property
     def bag_faults(self) -> list[str]:
         """The problems for which the bag asked for is not written."""
-        return [problem for problem in self.problems if ' --write-bag: ' in problem]
+        return [problem for problem in self.problems if WRITING in problem]
 
     def add_bag_fault(self, error: Exception) -> None:
         """Add the problem that the bag asked for is not written."""
-        self.problems.append(f'{self.bag}: --write-bag: not written: {in_one_line(error)}')
+        self.problems.append(f'{self.bag}{WRITING}not written: {in_one_line(error)}')
 
     @property
     def duration(self) -> float:

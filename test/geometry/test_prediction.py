@@ -356,6 +356,19 @@ def test_huge_and_tiny_values(factor):
     assert time_to_contact(factor * BAR, (0, 0, -1e-9), [[(factor, -1e-9 * factor)]], 9.0) <= 1.0
 
 
+def test_wall_that_is_long_beyond_measure():
+    """Its end is nearest at first, and no further than the wall's line, up to rounding."""
+    body = np.array([(0.254, -0.326), (-1.0, 0.0043)])
+    wall = [(0.019, 0.0328), (5.0325e7, 2.6552e7)]
+    x, y, omega = twist = 0.017, 0.009, 3.7555
+    time = time_to_contact(body, twist, [wall], 1.0)
+    angle = omega * time
+    c, s = math.cos(angle), math.sin(angle)
+    ahead, aside = s / omega, (1.0 - c) / omega
+    moved = body @ [(c, s), (-s, c)] + (ahead * x - aside * y, aside * x + ahead * y)
+    assert 0.0 < separation(moved, wall) < 1e-3
+
+
 def test_far_from_the_origin():
     """The pose of the base frame is the centre of rotation of a footprint in UTM."""
     east, north = 447_000.0, 5_411_000.0

@@ -204,8 +204,14 @@ def _separation(p, q, time, enough):
         wx, wy = _between(p, _support(p, ux, uy, time), q, _support(q, -ux, -uy, time), time)
         to_a, to_a_x, to_a_y = nearest_of_segment(ax, ay, wx, wy)
         to_b, to_b_x, to_b_y = nearest_of_segment(wx, wy, bx, by)
-        if wx * ux + wy * uy >= distance - enough or not min(to_a, to_b) < distance:
+        gap = wx * ux + wy * uy
+        if gap >= distance - enough:
             return distance, ux, uy
+        if not min(to_a, to_b) < distance:
+            # Rounding hides which is nearer: across a long edge the axis may show a greater gap.
+            vx, vy = (to_a_x, to_a_y) if to_a <= to_b else (to_b_x, to_b_y)
+            along, _, _ = _gap(p, q, vx, vy, time)
+            return (distance, vx, vy) if along > gap else (distance, ux, uy)
         if to_a <= to_b:
             distance, ux, uy = to_a, to_a_x, to_a_y
             bx, by = wx, wy

@@ -356,9 +356,11 @@ class _Check:
         if self._motion:
             timeless = dict.fromkeys(self._timeless, 0) | {
                 one.path: start for one in self._settings.footprints if one.path}
-            by_timeout = sorted(self._settings.obstacles, key=attrgetter('timeout'), reverse=True)
-            return StampOrder(read, by_header, marks, timeless, {
-                one.topic: round(one.timeout * 1e9) for one in by_timeout if one.timeout})
+            # Of several sources on a topic the least timeout counts.
+            timeouts = sorted(((in_ns(one.timeout), one.topic)
+                               for one in self._settings.obstacles), reverse=True)
+            return StampOrder(read, by_header, marks, timeless,
+                              {topic: timeout for timeout, topic in timeouts})
         return (by_stamps_as_received(read, {*TRANSFORM_TOPICS, *self._timeless}) if by_header
                 else ArrivalOrder(read))
 

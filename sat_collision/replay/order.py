@@ -23,7 +23,7 @@ from sat_collision.messages.transform_listener import TF_STATIC
 from sat_collision.monitor import Monitor
 from sat_collision.replay.bag.storage import Row
 from sat_collision.scene.frames import in_quotes
-from sat_collision.scene.settings import TF
+from sat_collision.scene.settings import NEVER, TF
 
 # Consecutive messages of one topic with the same time, in ns.
 Timed: TypeAlias = tuple[str, int, list[bytes]]
@@ -101,7 +101,7 @@ class StampOrder:
     def __init__(self, rows: Iterable[Row], by_header: bool,
                  marks: Mapping[str, Callable[[bytes], bool]] | None = None,
                  timeless: Mapping[str, int] | None = None,
-                 timeouts: Mapping[str, int] | None = None) -> None:
+                 timeouts: Mapping[str, float] | None = None) -> None:
         # How much later than its time the last message was received, ns; unused by header.
         self.delay = 0
         self._rows = rows
@@ -199,10 +199,11 @@ class StampOrder:
 
     def _add_to_set(self, topic: str, counted: _Counted) -> None:
         """Add messages to the set that is being received on a topic, or to the next one."""
-        parts, time = self._sets[topic], counted[0]
+        parts, is_mark = self._sets[topic], self._marks[topic]
+        time, *_, run = counted
         oldest, newest = self._spans[topic] if parts else (time, time)
-        if parts and (self._marks[topic](parts[-1][-1][-1])
-                      or newest <= time > oldest + self._timeouts.get(topic, time)):
+        is_late = newest <= time > oldest + self._timeouts.get(topic, NEVER)
+        if parts and (is_mark(parts[-1][-1][-1]) or is_late and not is_mark(run[0])):
             self._end_set(topic)
             oldest = newest = time
         parts.append(counted)
@@ -211,7 +212,7 @@ class StampOrder:
     def _end_set(self, topic: str) -> None:
         parts, is_mark = self._sets[topic], self._marks[topic]
         times = [0 if is_mark(run[0]) else time for time, *_, run in parts]
-        if topic not in self._timeless and is_mark(parts[-1][-1][0]):
+        if topic not in self._timeless and is_mark(parts[-1][-1][-1]):
             times[0] = max(times)
         # Only an empty set counts at the stamp of its mark.
         self._waiting += [(time or parts[-1][0], count, topic, run)

@@ -41,7 +41,8 @@ def numbers(messages, marks=None):
     return [(topic, (time - START) / SECOND, [known.index(data) for data in batch])
             for topic, time, batch in StampOrder(
                 in_rows(messages), False,
-                marks and {'/obstacles': lambda data: known.index(data) in marks})]
+                marks and {'/obstacles': lambda data: known.index(data) in marks},
+                timeouts={'/obstacles': SECOND})]
 
 
 @pytest.mark.parametrize('sent, wanted', [
@@ -74,6 +75,23 @@ def test_messages_of_a_set_stay_together_in_their_order():
     assert numbers(messages, {2, 7, 8}) == [
         ('/footprint', 1.25, [3]), ('/obstacles', 1.3, [0, 1, 2]), ('/footprint', 1.35, [5]),
         ('/obstacles', 1.4, [4, 6, 7]), ('/obstacles', 1.6, [8])]
+
+
+def test_set_whose_mark_has_the_stamp_of_its_last_message_counts_at_that():
+    stamps = [('/obstacles', 1.0), ('/footprint', 1.1), ('/obstacles', 1.2), ('/obstacles', 1.2)]
+    messages = [message(topic, 1.5 + k / 100, stamp, k) for k, (topic, stamp) in enumerate(stamps)]
+    assert numbers(messages, {3}) == [('/footprint', 1.1, [1]), ('/obstacles', 1.2, [0, 2, 3])]
+
+
+@pytest.mark.parametrize('stamps, wanted', [
+    ((1.0, 1.5, 1.25, 2.5, 2.75, 3.0), [(1.0, [0]), (1.5, [1, 2]), (2.75, [3, 4, 5])]),
+    ((1.5, 1.0, 2.25, 2.25), [(1.5, [0, 1]), (2.25, [2, 3])]),
+    ((3.5, 2.25, 3.4, 3.4), [(3.5, [0, 1, 2, 3])])],
+    ids=['in order', 'the second is oldest', 'the first is newest'])
+def test_set_open_for_longer_than_its_timeout_is_read_in_parts(stamps, wanted):
+    """What has no mark counts at its own stamp, but all keep their order."""
+    messages = [message('/obstacles', 3.5 + k / 100, stamp, k) for k, stamp in enumerate(stamps)]
+    assert numbers(messages, {len(stamps) - 1}) == [('/obstacles', *one) for one in wanted]
 
 
 @pytest.mark.parametrize('times, stamp, counts', [

@@ -54,6 +54,13 @@ def test_docstrings_have_working_examples(name):
     assert said.getvalue() == ''
 
 
+def test_help_of_prepare_kernels_prepares_nothing():
+    result = subprocess.run([sys.executable, '-m', 'sat_collision.replay.kernels', '--help'],
+                            capture_output=True, text=True)
+    assert (result.returncode, result.stderr) == (0, '')
+    assert 'Compile all kernels ahead.' in result.stdout
+
+
 def test_kernels_are_prepared_without_optional_libraries():
     absent = ['argcomplete', 'lz4', 'rclpy', 'rosbags', 'yaml']
     program = (f'import sys; sys.modules.update(dict.fromkeys({absent}))\n'

@@ -15,6 +15,7 @@ It must be made before any kernel of geometry is imported.
 
 from __future__ import annotations
 
+from argparse import ArgumentParser
 from array import array
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
@@ -99,6 +100,7 @@ def main() -> int:
     This is the command prepare_kernels. Where libraries that replay_check needs are missing, the
     kernels of the node and the library are compiled.
     """
+    ArgumentParser('prepare_kernels', description='Compile all kernels ahead.').parse_args()
     # An exception would end in callbacks of compilers, and there is nothing to put away.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     say = partial(print, flush=True)

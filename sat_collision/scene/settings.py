@@ -202,7 +202,8 @@ class ObstacleSettings:
         limits=(1, 1_000_000)))
     moving: bool = field(default=False, metadata=_setting(
         'true predicts contacts as if each obstacle kept its velocity between the last two '
-        'messages of its id, so type must be polygon_instance; false as if all stood still',
+        'messages of its id, so type must be polygon_instance and set_end none; false as if all '
+        'stood still',
         live=True, safety=True))
 
     @property

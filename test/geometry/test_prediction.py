@@ -433,3 +433,7 @@ def test_invalid_arguments_are_refused(change, words):
     for obstacles in ([BOX + 9, BAR + 9], [BOX, BOX]):
         with pytest.raises(PolygonError if 'footprint' in change else ValueError, match=words):
             time_to_contact(**{**given, 'obstacles': obstacles, **change})
+
+
+def test_no_velocities_of_no_obstacles():
+    assert time_to_contact(BOX, (1, 0, 0), [], 1.0, []) == math.inf

@@ -300,7 +300,9 @@ def test_gate(tmp_path, capsys, plans, verdict):
     assert not any('plans' in case.get('name') for case in cases)
     capsys.readouterr()
     assert main([*arguments, '--fail-on', 'plan']) == verdict
-    assert ('plans in contact' in capsys.readouterr().out) is (verdict == 1)
+    printed = capsys.readouterr().out
+    assert ('plans in contact' in printed) is (verdict == 1)
+    assert ('there is no plan' in printed) is (plans in ([], [plan(1.05, [])]))
     case, = ElementTree.parse(tmp_path / 'junit.xml').findall(
         './/testcase[@name="plans of footprint"]')
     assert bool(case.findall('failure')) is bool(verdict)

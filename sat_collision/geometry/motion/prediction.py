@@ -114,6 +114,8 @@ def ways_of(velocities: ArrayLike | None, rows: int, horizon: float) -> NDArray[
         return _at_rest(rows)
     try:
         array = doubles(array_of(velocities))
+        if not rows and not array.size:
+            return _at_rest(0)
     except OverflowError as error:
         raise ValueError(f'a velocity is {error}') from error
     except ValueError as error:

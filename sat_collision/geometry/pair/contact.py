@@ -71,7 +71,8 @@ class Contact(NamedTuple):
         parts, to 2^-50 of the largest coordinate: 1e-9 m at 1e6. Two if an edge of each is
         perpendicular to the normal, within 0.01 rad: the ends of the stretch that these share, in
         the order of the normal turned left. The offset from a point of b to that of a is along
-        the normal of the two parts; for one of them it is the separation.
+        the normal of the two parts, which for overlapping bodies that are not convex may be
+        another one than `normal`; for one of them it is the separation.
 
     Examples
     --------

@@ -110,7 +110,7 @@ class PolygonSet:
         offsets : (m + 1,) array_like of int, or tuple of such, optional
             The index at which the points of each body begin, and that at which the last ones end;
             or the offsets of polygons, line strings of two points, or points, as
-            `shapely.to_ragged_array` returns them.
+            `shapely.to_ragged_array` returns them. A longer line string is taken for a polygon.
 
         Raises
         ------

@@ -28,6 +28,7 @@ from sat_collision.replay.model.result import (
 
 _MAX_ROWS = 20
 _MAX_WORST = 5
+_NO_PLAN = 'there is no plan'
 _MOMENT = 500_000
 # A cell that is aligned to the right.
 _NUMBER = re.compile(r'(-?\d+(\.\d+)?(e[-+]\d+)?|moment)?[+ %]*')
@@ -157,7 +158,8 @@ def tables_of(result: Result, contacts: Sequence[Contact]) -> dict[str, Table]:
         'plans checked': Table(
             ('footprint', 'plans', 'unknown', 'why'),
             [(one.name, str(one.plans), str(sum(one.plans_unknown.values())),
-              ', '.join(f'{reason} ({count})' for reason, count in one.plans_unknown.items()))
+              ', '.join(f'{reason} ({count})' for reason, count in one.plans_unknown.items())
+              or ('' if one.plans else _NO_PLAN))
              for one in footprints if one.plans is not None]),
         'plans in contact': Table(
             ('footprint', 'obstacle', 'at [s]', 'pose', 'after [m]'),
@@ -185,7 +187,7 @@ def plan_failures(footprint: FootprintResult, result: Result) -> list[str]:
              for one in result.plan_contacts if one.footprint == footprint.name]
     found += [f'{count} plans are unknown: {reason}'
               for reason, count in footprint.plans_unknown.items()]
-    return found or ([] if footprint.plans else ['there is no plan'])
+    return found or ([] if footprint.plans else [_NO_PLAN])
 
 
 def lasting(duration: int) -> str:

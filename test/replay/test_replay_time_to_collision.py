@@ -20,7 +20,7 @@ from builders import command, SECOND, serialised, transforms
 import numpy as np
 import pytest
 from recordings import (
-    box, check, declared, INSTANCE, main, MARKS, nanoseconds, SOURCE, STAMPS, write)
+    box, check, declared, INSTANCE, main, MARKS, nanoseconds, since, SOURCE, STAMPS, write)
 from sat_collision.messages.rosbags_interfaces import STORE
 from sat_collision.replay.bag.recording import Recording
 from sat_collision.replay.model.result import Limits, Options, Verdict
@@ -49,7 +49,8 @@ def approach(gap=Fraction(5), back=30):
 def test_time_until_within_the_margin(tmp_path):
     result = check(write(tmp_path / 'bag', approach()),
                    Options(min_ttc=0.5, parameters={'margin': 0.25}))
-    assert samples(result)[29] == pytest.approx(0.9, abs=1e-9)
+    found = samples(result)
+    assert (found[29], found[9]) == (pytest.approx(0.9, abs=1e-9), pytest.approx(2.9, abs=1e-9))
 
 
 def test_times_before_a_wall_are_exact(tmp_path):
@@ -70,15 +71,33 @@ def test_times_before_a_wall_are_exact(tmp_path):
 
 
 def test_time_with_two_moving_bodies(tmp_path):
-    """12 m apart at 2 m/s and 3 m/s; every tenth message is refused."""
+    """12 m apart at 2 m/s and 3 m/s, far from a body at rest; every tenth message is refused."""
     messages = []
     for k in range(20):
         own = box(k / 5) if k % 10 else [*box(k / 5), (math.nan, 0)]
-        messages += [('/footprint', k / 10, own), ('/obstacles', k / 10, box(13 - 3 * k / 10)),
-                     ('/obstacles', k / 10, [])]
+        messages += [('/footprint', k / 10, own), ('/obstacles', k / 10, box(0, 90)),
+                     ('/obstacles', k / 10, box(13 - 3 * k / 10)), ('/obstacles', k / 10, [])]
     result = check(write(tmp_path / 'bag', messages), Options(min_ttc=0.0))
     assert known(result) == {k: pytest.approx(2.4 - k / 10, abs=1e-5)
                              for k in (*range(1, 9), *range(11, 19))}
+
+
+@pytest.mark.parametrize('walls, first', [
+    ({'walls': [7, 6]}, 'walls/1'), ({'far': [7], 'near': [6]}, 'near/0'),
+    ({'near': [6], 'far': [7]}, 'near/0')])
+def test_wall_that_is_met_first_is_named(tmp_path, walls, first):
+    """At 2 m/s towards two walls, the one behind the other: of one set, or of two sources."""
+    messages = []
+    for k in range(16):
+        messages += [('/footprint', k / 10, box(k / 5))] + [
+            (f'/{name}', k / 10, wall) for name, places in walls.items()
+            for wall in (*map(box, places), [])]
+    result = check(write(tmp_path / 'bag', messages), Options(
+        footprints=('/footprint',), obstacles=[f'{name}:=/{name}' for name in walls],
+        min_ttc=0.0, parameters=declared(MARKS, *walls)))
+    least = result.footprints[0].soonest
+    assert (least.obstacle, least.time) == (first, nanoseconds(1.4))
+    assert least.time_to_collision == pytest.approx(1.1, abs=1e-6)
 
 
 @pytest.mark.parametrize('seed', range(4))
@@ -121,6 +140,23 @@ def test_no_time_while_unknown(tmp_path):
     assert not any(first <= time < last for first, last in unknown for time, value in (
         result.footprints[0].time_to_collision) if value is not None)
     assert len(known(result)) > 5
+
+
+def test_time_while_another_footprint_is_unknown(tmp_path):
+    result = check(write(tmp_path / 'bag', [('/other', 0.0, box(0, 90)), *approach()]), Options(
+        footprints=('/footprint', '/other'), min_ttc=0.0, parameters=declared(MARKS)))
+    assert {one.footprint for one in result.unknown if one.last > nanoseconds(3.0)} == {'other'}
+    assert samples(result)[29] == pytest.approx(1.1, abs=1e-9)
+
+
+def test_times_at_the_first_message_of_each_tenth_of_a_second(tmp_path):
+    """The footprint comes every 20 ms, and obstacles every 50 ms."""
+    messages = [('/footprint', k / 50, box(k / 50)) for k in range(50)]
+    for k in range(20):
+        messages += [('/obstacles', k / 20, box(3)), ('/obstacles', k / 20, [])]
+    result = check(write(tmp_path / 'bag', messages), Options(min_ttc=0.0))
+    assert since(result, *(time for time, value in result.footprints[0].time_to_collision
+                           if value is not None)) == [k / 10 for k in range(1, 10)]
 
 
 def test_min_ttc(tmp_path, capsys):

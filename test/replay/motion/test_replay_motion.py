@@ -310,13 +310,17 @@ def test_margin_counts_between_messages(tmp_path):
     assert contact.found == BETWEEN_SAMPLES and contact.depth == pytest.approx(-0.2)
 
 
-def test_bodies_never_known_at_the_same_time_are_unknown(tmp_path):
-    """The footprint is sent once, and obstacles only later; as live they collide."""
+@pytest.mark.parametrize('names', [('walls',), ('walls', 'others')])
+def test_bodies_never_known_at_the_same_time_are_unknown(tmp_path, names):
+    """The footprint is sent once, and walls only later; as live they collide."""
+    options = {'obstacles': [f'{name}:=/{name}' for name in names],
+               'parameters': declared(STAMPS, *names)}
     result = run(tmp_path, [('/footprint', 0.0, box(0)),
-                            *(('/obstacles', k / 10, box(0)) for k in range(1, 9))])
+                            *(('/others', k / 10, box(9)) for k in range(9)),
+                            *(('/walls', k / 10, box(0)) for k in range(1, 9))], **options)
     assert (result.verdict, result.contacts) == (Verdict.UNKNOWN, [])
     assert '--as-live' in ' '.join(result.notes)
-    assert run_again(tmp_path, as_live=True).verdict is Verdict.COLLISION
+    assert run_again(tmp_path, as_live=True, **options).verdict is Verdict.COLLISION
 
 
 @pytest.mark.parametrize('middle', [(2,), (2, 2), (1, 2, 3)])

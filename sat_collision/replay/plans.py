@@ -51,7 +51,6 @@ class Plans:
 
     def receive(self, name: str, now: int) -> list[Rejection]:
         """Check a plan that the monitor has just received."""
-        self.follow(now)
         self._end(name, now)
         _, settings, result = self._planners[name]
         rejections = self._monitor.paths.read(settings, now)

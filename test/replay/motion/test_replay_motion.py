@@ -69,7 +69,7 @@ def test_leader_at_constant_distance_is_not_touched(tmp_path):
 
 @pytest.mark.parametrize('as_live', [False, True])
 def test_footprint_monitors_only_its_sources(tmp_path, as_live):
-    """The robot stands in its dock, which only the cart monitors."""
+    """The robot stands in its dock, which only the cart monitors, and which is silent once."""
     parameters = {'footprints': ['robot', 'cart'], 'obstacles': ['dock', 'walls'],
                   'robot.obstacles': ['walls'], 'cart.obstacles': [''],
                   **declared(STAMPS, 'dock', 'walls')}
@@ -77,7 +77,7 @@ def test_footprint_monitors_only_its_sources(tmp_path, as_live):
     for k in range(20):
         messages += [(f'/{name}', k / 10, box(0)) for name in ('robot', 'cart')]
         messages += [('/walls', k / 10, box(3))]
-        if k < 2:
+        if not 2 < k < 15:
             messages += [('/dock', k / 10, box(0.5))]
     result = check(write(tmp_path / 'bag', messages),
                    Options(parameters={**parameters, 'dock.timeout': 0.5}, as_live=as_live))
@@ -87,6 +87,8 @@ def test_footprint_monitors_only_its_sources(tmp_path, as_live):
     assert (robot.ever_known, robot.collision, robot.least.separation) == (True, 0, 2.0)
     assert {unknown.footprint for unknown in result.unknown
             if 'silent' in str(unknown.reasons)} == {'cart'}
+    assert {one.footprint for one in result.undetermined if 'dock' in str(one.reasons)} == (
+        set() if as_live else {'cart'})
 
 
 @pytest.mark.parametrize('first', ['/footprint', '/obstacles'])

@@ -143,6 +143,26 @@ def test_late_footprint_does_not_set_the_time_back(tmp_path):
     assert [footprint.coverage for footprint in result.footprints] == [1.0, 0.0]
 
 
+@pytest.mark.parametrize('parameters, verdict', [
+    ({}, Verdict.CLEAR),
+    ({f'{SOURCE}.set_end': MARKS}, Verdict.UNKNOWN),
+    ({f'{SOURCE}.enabled': False}, Verdict.UNKNOWN),
+    ({'footprint.obstacles': ['walls']}, Verdict.UNKNOWN)],
+    ids=['monitored', 'sets have ends', 'disabled', 'not monitored'])
+def test_only_what_a_footprint_waits_for_has_a_start_up(tmp_path, parameters, verdict):
+    """The walls are known from 2 s on; only of a source without ends of sets it takes so long."""
+    messages = []
+    for k in range(60):
+        messages += [('/footprint', k / 10, box(0)), ('/obstacles', k / 10, box(3)),
+                     ('/obstacles', k / 10, [])]
+        if k >= 20:
+            messages += [('/walls', k / 10, box(5)), ('/walls', k / 10, [])]
+    result = check(write(tmp_path / 'bag', messages), Options(
+        obstacles=(f'{SOURCE}:=/obstacles', 'walls:=/walls'),
+        parameters={**declared(MARKS, 'walls'), **parameters}))
+    assert result.contacts == [] and result.verdict is verdict
+
+
 def test_release_delay(tmp_path):
     """The state stays collision for the delay, but the contact ends."""
     result = run(tmp_path, drive(), MARKS, as_live=True, parameters={'release_delay': 0.55})

@@ -232,10 +232,13 @@ def test_polygon_that_may_have_moved_is_undetermined(tmp_path, moves):
 
 
 def test_silence_of_a_source_that_never_sees_anything_is_undetermined(tmp_path):
-    """Its publisher ends empty sets, but none for a second."""
-    messages = samples([0.0] * 30) + [
+    """Its publisher ends empty sets, but none for a second, which one footprint does not see."""
+    messages = samples([0.0] * 30) + samples([9.0] * 12, '/gone') + [
         ('/obstacles', k / 10, []) for k in range(30) if not 10 < k < 20]
-    result = run(tmp_path, messages, MARKS, parameters={f'{SOURCE}.timeout': 0.5})
+    result = run(tmp_path, messages, MARKS, footprints=('/footprint', '/gone'),
+                 parameters={f'{SOURCE}.timeout': 0.5})
+    assert {one.name: one.undetermined for one in result.sources} == {
+        'footprint': 0, 'gone': 0, SOURCE: SECOND}
     assert times(result, result.undetermined[:1]) == pytest.approx([1.0, 1.5])
     assert result.verdict is Verdict.UNKNOWN
 

@@ -80,6 +80,7 @@ def test_time_with_two_moving_bodies(tmp_path):
     result = check(write(tmp_path / 'bag', messages), Options(min_ttc=0.0))
     assert known(result) == {k: pytest.approx(2.4 - k / 10, abs=1e-5)
                              for k in (*range(1, 9), *range(11, 19))}
+    assert result.footprints[0].refused == ['footprint']
 
 
 @pytest.mark.parametrize('walls, first', [

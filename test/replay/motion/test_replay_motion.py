@@ -337,15 +337,22 @@ def test_every_footprint_of_a_stamp_counts(tmp_path, middle):
 @pytest.mark.parametrize('clock', ('receive', 'header'))
 @pytest.mark.parametrize('as_live', (False, True))
 def test_times_count_from_the_beginning_of_the_recording(tmp_path, capsys, clock, as_live):
-    """Also with --start."""
-    messages = samples([0] * 100) + samples([2] * 60 + [0.5] * 40, '/obstacles')
+    """Also with --start, and though a map comes first, which is stamped an hour before."""
+    messages = [at(-3600.0, points, 3600.0 + k, '/walls') for k in range(10)
+                for points in (box(50), [])]
+    messages += samples([0] * 100) + samples([2] * 60 + [0.5] * 40, '/obstacles')
     bag = write(tmp_path / 'bag', messages)
-    result = check(bag, Options(start=5.0, clock=clock, as_live=as_live))
+    parameters = {**declared(STAMPS, 'seen'), **declared(MARKS, 'walls'), 'walls.timeout': 0.0}
+    obstacles = 'seen:=/obstacles', 'walls:=/walls'
+    result = check(bag, Options(start=5.0, clock=clock, as_live=as_live, parameters=parameters,
+                                obstacles=obstacles))
     contact, = result.contacts
     assert result.since(result.start) == 5.0
     assert result.since(contact.deepest) == 6.0
-    main([str(bag), '--start', '5', '--clock', clock, *(['--as-live'] if as_live else [])], STAMPS)
-    assert f'{SOURCE}/0 at 6.000 s' in capsys.readouterr().out
+    main([str(bag), '--start', '5', '--clock', clock, *(['--as-live'] if as_live else []),
+          *(f'--obstacles={one}' for one in obstacles),
+          *(f'--param={name}:={value}' for name, value in parameters.items())], None)
+    assert 'seen/0 at 6.000 s' in capsys.readouterr().out
 
 
 def test_obstacle_is_held_after_its_last_message(tmp_path):

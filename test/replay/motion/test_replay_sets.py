@@ -231,6 +231,18 @@ def test_polygon_that_may_have_moved_is_undetermined(tmp_path, moves):
     assert result.verdict is (Verdict.UNKNOWN if moves else Verdict.CLEAR)
 
 
+@pytest.mark.parametrize('place, undetermined, unknown', [
+    (10, [0.9, 1.0], []), (11, [], [1.0, 1.1])], ids=['before', 'after'])
+def test_refused_footprint_counts_before_or_after_a_valid_one_of_its_stamp(
+        tmp_path, place, undetermined, unknown):
+    """It breaks the way to that one; or the node does not know the state from there on."""
+    messages = samples([0.0] * 20) + samples([5.0] * 20, '/obstacles')
+    messages.insert(place, ('/footprint', 1.0, [(float('nan'), 0.0)]))
+    result = run(tmp_path, messages)
+    assert times(result, result.undetermined) == pytest.approx(undetermined)
+    assert times(result, result.unknown[1:]) == pytest.approx(unknown)
+
+
 def test_silence_of_a_source_that_never_sees_anything_is_undetermined(tmp_path):
     """Its publisher ends empty sets, but none for a second, which one footprint does not see."""
     messages = samples([0.0] * 30) + samples([9.0] * 12, '/gone') + [

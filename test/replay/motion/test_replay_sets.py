@@ -218,6 +218,19 @@ def test_changed_number_of_vertices_is_undetermined_motion(tmp_path):
         assert result.verdict is verdict
 
 
+@pytest.mark.parametrize('changed, missing', [(10, []), (13, [12])],
+                         ids=['between two sets', 'before and after a set'])
+def test_contact_ends_where_it_is_not_known_how_the_footprint_moved(tmp_path, changed, missing):
+    """It stands in contact; one of its messages has another vertex, and is linked to none."""
+    messages = samples([0.0] * 20) + samples([0.5] * 5, '/obstacles', 0.4)
+    messages[changed] = '/footprint', changed / 10, [*box(0.0), (0.0, 0.5)]
+    before, after = (changed - 1 - len(missing)) / 10, (changed + 1) / 10
+    result = run(tmp_path, [one for k, one in enumerate(messages) if k not in missing])
+    assert times(result) == pytest.approx([0.0, before, *[changed / 10] * 2, after, 1.9])
+    assert [one.at_end for one in result.contacts] == [False, False, True]
+    assert times(result, result.undetermined) == pytest.approx([before, after])
+
+
 @pytest.mark.parametrize('moves', [True, False])
 def test_polygon_that_may_have_moved_is_undetermined(tmp_path, moves):
     """Of sets without a declared end: one goes and one comes, or one comes to the other."""

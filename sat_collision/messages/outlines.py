@@ -125,6 +125,11 @@ class Outlines:
         return (Polygon(polygon.vertices * (1, -1)) if is_upside_down(self._outlines[name].affine)
                 else polygon)
 
+    def carriers(self) -> set[str]:
+        """Return the frames by whose transforms on /tf outlines move."""
+        return {self._transforms.frames.carrier(settings.frame_id) for one in
+                self._outlines.values() if not (settings := one.settings).odometry}
+
     @property
     def deadline(self) -> float:
         """The time in ns until which nothing is to be placed unless a message comes."""

@@ -361,8 +361,10 @@ class _Check:
                                for one in self._settings.obstacles), reverse=True)
             return StampOrder(read, by_header, marks, timeless,
                               {topic: timeout for timeout, topic in timeouts})
-        return (by_stamps_as_received(read, {*TRANSFORM_TOPICS, *self._timeless}) if by_header
-                else ArrivalOrder(read))
+        if by_header:
+            return by_stamps_as_received(
+                read, {TF_STATIC, *self._timeless}, self._monitor.outlines.carriers)
+        return ArrivalOrder(read)
 
     def _begin_outputs(self) -> None:
         """Begin to write what the node would publish, if it is asked for."""

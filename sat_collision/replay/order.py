@@ -244,11 +244,23 @@ class StampOrder:
             yield last_topic, last_time, messages
 
 
-def by_stamps_as_received(rows: Iterable[Row], timeless: Collection[str]) -> Iterator[Timed]:
-    """Yield messages as received, each with its stamp; 0 where it has none or is of `timeless`."""
+def by_stamps_as_received(rows: Iterable[Row], timeless: Collection[str],
+                          carriers: Callable[[], Collection[str]]) -> Iterator[Timed]:
+    """
+    Yield messages as received, each with its stamp; 0 where it has none or is of `timeless`.
+
+    On /tf only the stamps of `carriers` count, the frames that move outlines: others, such as a
+    map's, may be stamped ahead.
+    """
     for topic, _, messages in rows:
         for data in messages:
-            yield topic, 0 if topic in timeless else header_stamp(data), [data]
+            if topic == TF:
+                moving = carriers()
+                time = max((stamp for frame, stamp in _stamps_of(data) if frame in moving),
+                           default=0)
+            else:
+                time = 0 if topic in timeless else header_stamp(data)
+            yield topic, time, [data]
 
 
 def until_set_back(rows: Iterable[Row], tolerances: Mapping[str, int],
@@ -266,7 +278,9 @@ def until_set_back(rows: Iterable[Row], tolerances: Mapping[str, int],
     late: dict[str, int] = {}
     for topic, times, messages in rows:
         for k, data in enumerate(messages if topic in tolerances else ()):
-            for name, stamp in _frames_of(data) if topic == TF else ((topic, header_stamp(data)),):
+            for name, stamp in ([(f'frame {in_quotes(child)} on {TF}', stamp)
+                                 for child, stamp in _stamps_of(data)] if topic == TF
+                                else [(topic, header_stamp(data))]):
                 before = latest.get(name, stamp)
                 oldest = before - tolerances[topic]
                 if not stamp or not oldest <= stamp <= before and (
@@ -285,13 +299,12 @@ def until_set_back(rows: Iterable[Row], tolerances: Mapping[str, int],
         yield topic, times, messages
 
 
-def _frames_of(data: bytes) -> Iterator[tuple[str, int]]:
-    """Yield the child frames of a message of /tf, in words, with their stamps."""
+def _stamps_of(data: bytes) -> list[tuple[str, int]]:
+    """Return the child frames of a message of /tf with their stamps, none if it is damaged."""
     try:
-        for _, child, stamp, _ in decode_transforms(data):
-            yield f'frame {in_quotes(child)} on {TF}', stamp
+        return [(child.removeprefix('/'), stamp) for _, child, stamp, _ in decode_transforms(data)]
     except MessageError:
-        pass
+        return []
 
 
 def _tf_stamp(data: bytes) -> int:

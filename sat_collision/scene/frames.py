@@ -282,6 +282,11 @@ class Frames:
         return (self._climb(frame, None, (other,))[1] == other
                 or frame != parent and self._climb(other, None, (frame, parent))[1] == frame)
 
+    def carrier(self, frame: str) -> str:
+        """Return a frame, or the first one above it, that is not static in its parent."""
+        steps, top = self._climb(frame, None)
+        return next((name for name in steps if name not in self._static), top)
+
     def stamps(self, target: str, source: str, after: int, until: int) -> list[int]:
         """Return the sorted stamps, between two times, of the transforms above either frame."""
         names = {*self._climb(source, None)[0], *self._climb(target, None)[0]}

@@ -252,6 +252,27 @@ def test_rate_of_an_outline_does_not_coarsen_its_motion(tmp_path):
     assert [len(result.contacts) for result in results] == [3, 3]
 
 
+@pytest.mark.parametrize('as_live', [False, True])
+@pytest.mark.parametrize('frame', ['base', 'base_footprint'])
+def test_outline_that_moves_by_tf_moves_the_clock_of_stamps(tmp_path, as_live, frame):
+    """It drives on after obstacles have fallen silent, and the map's frame is stamped ahead."""
+    messages = [('/tf_static', 0.0, transforms(('base_footprint', 'base', 0, 0.0, 0.0)))]
+    for k in range(50):
+        time = k / 10
+        links = [('odom', frame, nanoseconds(time), time, 0.0),
+                 ('odom', 'map', nanoseconds(time + 0.9), 0.0, 0.0)]
+        messages.append(('/tf', time, transforms(*links)))
+        if time <= 1.0:
+            messages += [('/obstacles', time, serialised(points, nanoseconds(time), 'odom'))
+                         for points in (box(9.0), [])]
+    result = run(tmp_path / 'bag', messages, {
+        **PARAMETERS, **declared(MARKS), 'footprint.points': ARM, 'footprint.frame_id': 'base'},
+        clock=HEADER, as_live=as_live)
+    assert result.verdict is Verdict.UNKNOWN
+    assert (result.start, result.end) == (nanoseconds(0.0), nanoseconds(4.9))
+    assert seconds(result.unknown[-1].first) == pytest.approx(1.3, abs=1e-6)
+
+
 def test_gap_between_transforms_is_undetermined(tmp_path):
     messages = [message for message in turn([post_passed_at(1.77)], every=0.1)
                 if message[0] != '/tf' or not 1.5 < message[1] < 2.2]

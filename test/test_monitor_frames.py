@@ -357,6 +357,18 @@ def test_older_map_does_not_stand_in_for_one_that_waited_when_it_was_dropped(is_
     assert robot.status() == 'collision'
 
 
+def test_older_map_does_not_stand_in_for_one_that_waited_when_time_stepped_back():
+    """It is requested again once its transform has come."""
+    robot = Robot(with_changes(MAP, 'lidar', set_end='each_message')).stand(0)
+    robot.see(box(20), frame_id='odom')
+    assert robot.status() == 'clear'
+    robot.see(box(0.5), frame_id='base')
+    assert robot.at(-5.0).stand(0).status() == 'unknown'
+    assert not robot.scene.wants_history('lidar')
+    robot.move(-5.0)
+    assert robot.scene.wants_history('lidar')
+
+
 # --- random scenes
 
 

@@ -37,12 +37,17 @@ def test_message_waits_for_its_transform(robot):
 
 
 def test_obstacle_behind_a_waiting_one_counts_once_it_has_a_place(robot):
-    """At once, or by its own transform; ids without meaning, 0, do not replace each other."""
+    """
+    At once, or by its own transform, though one before it has a later stamp.
+
+    Ids without meaning, 0, do not replace each other.
+    """
     robot.at(1.05).see(box(9), frame_id='camera')
     for x, instance in ((20, 0), (21, 0), (0.5, 7)):
         robot.see(box(x), 1.05, 'odom', instance)
     assert robot.state().contacts == (ObstacleId('lidar', 7),)
     assert [x for x, *_ in robot.seen] == [20, 21, 0.5]
+    robot.see(box(30), 1.2, 'base', 9)
     robot.see(box(-1.5), 1.05, 'base', 8)
     assert len(robot.seen) == 3
     robot.move(1.1)
@@ -167,14 +172,16 @@ def test_obstacle_from_the_future_behind_a_waiting_one_is_refused_at_once(robot)
     assert 'sent what was refused: from the future' in robot.state().reasons[0]
 
 
-@pytest.mark.parametrize('frame', ['odom', 'base'])
-def test_set_from_the_future_replaces_none_that_waits(frame):
+@pytest.mark.parametrize('time, frame, reasons', [
+    (3600.0, 'odom', ['from the future']), (3600.0, 'base', ['from the future']),
+    (-0.1, 'odom', [])], ids=['future', 'future, in another frame', 'older'])
+def test_set_that_is_older_or_from_the_future_replaces_none_that_waits(time, frame, reasons):
     """The good one is placed once its transform comes."""
     robot = Robot(with_changes(SETS, 'lidar', timeout=2.0, set_end='each_message')).stand(0)
     robot.see(box(0.5), 0.0, 'base')
-    robot.see(box(9), 3600.0, frame)
+    robot.see(box(9), time, frame)
     assert robot.status() == 'unknown' and not robot.reasons
-    assert robot.move(0.0).status() == 'collision' and robot.reasons == ['from the future']
+    assert robot.move(0.0).status() == 'collision' and robot.reasons == reasons
 
 
 def test_map_behind_a_waiting_part_counts_whatever_its_stamp():

@@ -252,10 +252,10 @@ class Ingest:
         return self.reject(settings, refusal, detail_of(
             refusal, frame_id, scene.frame_id, (now - stamp) / 1e9, settings.timeout))
 
-    def apply_early(self, settings: ObstacleSettings, data: bytes, now: int, order: int,
-                    arrived: int) -> Wait | None:
+    def apply_early(self, settings: ObstacleSettings, data: bytes, now: int,
+                    order: int) -> Wait | None:
         """
-        Let an obstacle count that is queued behind a message which waits, and `arrived` then.
+        Let an obstacle count that is queued behind a message which waits.
 
         The order is its number in the queue. Return a Wait if its transform may still arrive.
         """
@@ -278,8 +278,7 @@ class Ingest:
                 body = self._shape(settings, points, affine)
         except (MessageError, PolygonError) as error:
             refusal = _reason_of(error)
-        self._scene.receive_early(
-            settings.name, body, stamp or arrived, order, instance, refusal)
+        self._scene.receive_early(settings.name, body, stamp, order, instance, refusal)
         self._refused = []
         return None
 

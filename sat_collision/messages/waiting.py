@@ -133,8 +133,7 @@ class WaitingItems:
         if queue is None:
             queue = self._queues[name] = _Queue(self._count)
         elif not held.happens:
-            wait = self._apply_early(
-                name, held.data, now, queue.first + len(queue.items), held.arrived)
+            wait = self._apply_early(name, held.data, now, queue.first + len(queue.items))
         self._count += 1
         queue.append(held._replace(until=now + self._timeout, end=end), wait)
         rejections: list[Rejection] = []
@@ -206,9 +205,7 @@ class WaitingItems:
         while queue.items and self._apply_first(
                 name, now, now <= queue.items[0].until, rejections):
             pass
-        # Those of stamp 0 wait for no transform.
-        return queue.apply_placed(
-            lambda data, order: self._apply_early(name, data, now, order, now))
+        return queue.apply_placed(lambda data, order: self._apply_early(name, data, now, order))
 
     def _apply_first(self, name: str, now: int, may_wait: bool,
                      rejections: list[Rejection]) -> bool:
@@ -223,18 +220,14 @@ class WaitingItems:
         return True
 
     def _apply(self, name: str, held: Held, now: int, may_wait: bool) -> Rejection | Wait | None:
-        settings = self._scene.settings_of(name)
         if held.happens:
             held.happens()
-        elif settings.enabled:
-            return self._ingest.apply(
-                settings, held.data, held.number, now, held.arrived, may_wait)
-        return None
+            return None
+        return self._ingest.apply(self._scene.settings_of(name), held.data, held.number, now,
+                                  held.arrived, may_wait)
 
-    def _apply_early(self, name: str, data: bytes, now: int, order: int,
-                     arrived: int) -> Wait | None:
+    def _apply_early(self, name: str, data: bytes, now: int, order: int) -> Wait | None:
         """Let an obstacle count that is queued behind the first item, unless it has no place."""
         settings = self._scene.settings_of(name)
-        if isinstance(settings, ObstacleSettings) and settings.enabled:
-            return self._ingest.apply_early(settings, data, now, order, arrived)
-        return None
+        return (self._ingest.apply_early(settings, data, now, order)
+                if isinstance(settings, ObstacleSettings) else None)

@@ -88,15 +88,14 @@ class Source:
         self._use(settings, tolerance)
         if settings.enabled != before.enabled:
             self.stream.interrupt()
-            self._begin_anew(now, wants_history=settings.enabled)
+            self._begin_anew(now)
             self._drop_former(all_of_them=True)
         if not settings.moving:
             for obstacle in self.store:
                 obstacle.motion = None
         self.knowledge.configure(settings, tolerance, now)
         self.pass_time(now)
-        if settings != before:
-            self.request_history()
+        self.request_history()
 
     @property
     def rule(self) -> str:

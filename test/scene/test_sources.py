@@ -313,7 +313,7 @@ def test_disabled_source_is_ignored():
     assert stage.scene.sources['lidar'].summary == 'disabled'
     assert stage.use('lidar', enabled=True).told == ('unknown', (NOTHING_SENT,))
     stage.see(0.5)
-    assert stage.status() == 'collision'
+    assert stage.status() == 'collision' and stage.scene.lost() == {}
 
 
 def test_unknown_if_no_source_is_enabled():

@@ -264,6 +264,15 @@ def test_set_with_a_waiting_message_is_not_whole():
     assert sorted(robot.seen) == [pytest.approx((0.14, 0, 1.14, 1)), (7, 0, 8, 1)]
 
 
+def test_messages_received_together_do_not_overtake_one_that_waits():
+    """Nothing numbers them; by their stamp they would end its set without it."""
+    robot = Robot(with_changes(SETS, 'lidar', set_end='new_stamp', assume_no_loss=True))
+    for frame in 5 * ['odom'] + ['base', 'odom']:
+        robot.at(robot.time + 0.1).monitor.receive_batch(
+            'lidar', 3 * [serialised(box(20), robot.now, frame)], robot.now)
+    assert robot.monitor.waiting.counts() == {'lidar': 6}
+
+
 def test_change_of_publishers_waits_for_their_messages():
     """The publisher has ended, but a set of it waits for a transform."""
     robot = Robot(SETS).stand(0)

@@ -252,7 +252,6 @@ class Source:
             self._begin_anew(now, wants_history=wants_history and continuity is JOINED)
         elif stamp and stamp + self.timeout < self.knowledge.newest and not is_mark:
             # The clock of its publisher was set back.
-            continuity = JOINED
             self._count_from(now)
             self._begin_anew(now)
             self.knowledge.miss('its stamps fell by more than its timeout', now)

@@ -205,6 +205,27 @@ def test_runs_go_through_the_robot_if_no_contacts_are_decided():
     assert monitor.scene.source_faults != ()
 
 
+@pytest.mark.parametrize('number, then, happens, count', [
+    (25, 27, '', 8), (25, 28, '', 12), (25, 27, 'interrupt', 12), (None, None, 'lose', 12)],
+    ids=['whole', 'loss', 'interruption', 'loss without numbers'])
+def test_set_received_in_two_runs_replaces_none_if_it_has_a_gap(number, then, happens, count):
+    """The set before stays beside it and the next one, by whose stamp it ends."""
+    monitor = Monitor(replace(SETTINGS, obstacles=(
+        replace(SETTINGS.obstacles[0], set_end=NEW_STAMP),)))
+    # Sets before, whose rows are used again: only then are obstacles received together.
+    for k in range(6):
+        monitor.receive_batch('lidar', [ordinary(j, NOW + k) for j in range(4)], NOW + k,
+                              number and 1 + 4 * k)
+    polygons = [ordinary(j, NOW + 6) for j in range(4)]
+    monitor.receive_batch('lidar', polygons[:2], NOW + 6, number)
+    if happens:
+        getattr(monitor, happens)('lidar')
+    monitor.receive_batch('lidar', polygons[2:], NOW + 6, then)
+    monitor.receive_batch('lidar', [ordinary(j, NOW + 7) for j in range(4)], NOW + 7,
+                          then and then + 2)
+    assert len(monitor.scene.obstacles) == count
+
+
 def test_oldest_of_a_set_is_named_where_it_begins_a_run():
     """Three that are received together are older than the one before them."""
     monitor = Monitor(replace(SETTINGS, obstacles=SETTINGS.obstacles[:1]))

@@ -292,8 +292,7 @@ class Source:
         """
         knowledge, stream = self.knowledge, self.stream
         if (stream.is_interrupted or number not in (None, stream.last + 1) or stream.is_lossy
-                or stream.awaits_endpoint or self._mixed is not None or self._is_far
-                or not 0 < stamp <= now <= stamp + self.timeout
+                or self._is_far or not 0 < stamp <= now <= stamp + self.timeout
                 or stamp + self.timeout < knowledge.newest):
             return 0
         added = knowledge.receive_run(run, frame_id, stamp, now)
@@ -301,7 +300,6 @@ class Source:
             # All before the last one continued the stream.
             stream.last += added - 1
             stream.receive(number and stream.last + 1, now)
-            self._drop_former()
             if self.faults or knowledge.is_known is not self._was_known:
                 self.find_faults(now)
         return added

@@ -359,6 +359,14 @@ def test_state_shows_what_is_known_and_how(settings, summary, rest):
 
 
 @REFRESHED
+def test_empty_polygon_without_a_stamp_does_not_show_that_its_publisher_is_alive(settings):
+    stage = with_robot(settings)
+    for time in (0.0, 1.5, 3.1):
+        stage.at(time).end('none')
+    assert stage.told == ('unknown', (NOTHING_SENT,))
+
+
+@REFRESHED
 def test_a_longer_timeout_is_unknown_until_it_has_passed(settings):
     """An obstacle that is sent every 5 s was forgotten after the 2 s of before."""
     stage = known_stage(settings)
@@ -491,6 +499,30 @@ def test_map_of_which_a_part_was_lost_is_requested_again():
     assert stage.send_all(10, 20, 30).told == ('clear', ())
     assert sorted(stage.held.values()) == [10, 20, 30]
     assert not stage.scene.wants_history('lidar')
+
+
+def test_map_met_in_its_middle_is_requested_again_unless_its_publisher_keeps_no_more():
+    stage = with_robot(UNTIMED_LIDAR).publish_by('a')
+    stage.lose(5)
+    stage.see(10)
+    assert stage.scene.wants_history('lidar')
+    stage.scene.renew('lidar')
+    stage.lose(-1)
+    stage.see(10)
+    assert not stage.scene.wants_history('lidar'), 'only number 6 came again'
+    stage.monitor.interrupt('lidar')
+    stage.see(20)
+    assert stage.scene.wants_history('lidar')
+
+
+def test_map_of_a_publisher_that_has_gone_is_not_waited_for_for_long():
+    """It was requested again, and has more messages than that of the other one."""
+    stage = with_robot(UNTIMED_LIDAR).publish_by('a').send_all(10, 20, 30)
+    stage.scene.renew('lidar')
+    stage.publish_by('a', 'b').publish_by('b')
+    stage.restart()
+    assert stage.send_all(40).status() == 'unknown'
+    assert stage.at(1.001).told == ('clear', ())
 
 
 def test_map_stays_until_a_new_publisher_sends_a_whole_one():

@@ -79,7 +79,7 @@ def test_unrelated_transform_does_not_place_it():
 
 def test_rate_limits_placements():
     """On average; a skipped pose is placed when it is due, without another message."""
-    world = OutlineWorld(replace(ROBOT, rate=10.0))
+    world = OutlineWorld(replace(ROBOT, rate=10.0, timeout=0.0))
     for k in range(100):
         world.move(k / 100, k / 10)
     assert 10 <= world.monitor.received['robot'] <= 12
@@ -101,6 +101,7 @@ def test_outline_in_a_static_frame_never_expires():
     world = OutlineWorld()
     world.receive_transforms(TF_STATIC, ('odom', 'base', 0, 7.0, 0.0))
     assert world.bounds() == (6.5, -0.5, 7.5, 0.5)
+    assert due(world) == pytest.approx(1 / 3), 'before it is too old'
     for _ in range(1000):
         assert world.at(due(world)).status() == 'clear'
     assert world.time > 100 and world.scene.origin('robot') == ('base', None)

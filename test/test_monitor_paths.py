@@ -81,6 +81,13 @@ def test_first_contact_ahead(order):
     assert max(places) == (pytest.approx(5.0, abs=1e-6), 0.25) and min(places) == (0.0, 0.0)
 
 
+def test_last_of_the_paths_received_together_counts():
+    world = at_start(AHEAD)
+    world.monitor.receive_batch(
+        'robot.path', [path(poses, 0) for poses in (STRAIGHT, STRAIGHT[:2])], world.now)
+    assert world.check().metres == math.inf
+
+
 def test_no_contact_and_contact():
     world = at_start(box(5, 0.3))
     assert (world.plan(STRAIGHT).metres, world.text) == (math.inf, 'none')

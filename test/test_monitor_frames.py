@@ -253,6 +253,17 @@ def test_map_follows_a_static_frame_that_is_corrected():
     assert robot.at(9.0).stand(0).status() == 'collision'
 
 
+def test_map_follows_its_frame_though_many_of_as_many_polygons_came_before():
+    """Those of a set would be received together by then."""
+    robot = Robot(MAP).move(0.0)
+    for _ in range(6):
+        robot.see_all(box(9), box(19), box(29), frame_id='laser')
+    before = robot.seen
+    assert len(before) == 3
+    robot.receive_transforms(TF_STATIC, ('base', 'laser', 0, 2.0, 0.0, math.pi / 2))
+    assert [x for x, *_ in robot.seen] == pytest.approx([x + 1.0 for x, *_ in before])
+
+
 def test_all_of_a_map_follows_when_a_transform_ahead_of_the_clock_comes_to_count():
     """The first part was placed before, by the transform before."""
     robot = Robot(MAP).stand(0)

@@ -528,5 +528,6 @@ def unused_files(ros: Sequence[str], node: str) -> Iterator[str]:
             names = [name for content in yaml.load_all(file, yaml.BaseLoader)
                      for name, _ in parameters_by_node(content)]
         if not any(is_name_of(name, node) for name in names):
-            yield (f'{path} has no parameters for {node}, only for {", ".join(names) or "none"}: '
-                   'call it /** there, which is any node')
+            only = f', only for {", ".join(names)}' if names else ''
+            yield (f'{path} has no parameters for {node}{only}: call it /** there, which is any '
+                   'node')

@@ -81,6 +81,14 @@ def test_first_contact_ahead(order):
     assert max(places) == (pytest.approx(5.0, abs=1e-6), 0.25) and min(places) == (0.0, 0.0)
 
 
+def test_way_and_outline_of_a_contact_are_those_of_a_path_that_turns():
+    world = at_start(box(1.5, 5.0), **LONG)
+    found = world.plan([(0, 0, 0), (2, 0, 0), (2, 0, math.pi / 2), (2, 9, math.pi / 2)])
+    assert found.way == pytest.approx(np.array([(0, 0), (2, 0), (2, 0), (2, 4)]), abs=1e-6)
+    assert found.outline == pytest.approx(
+        np.array([(2.2, 3), (2.2, 5), (1.8, 5), (1.8, 3)]), abs=1e-6)
+
+
 def test_last_of_the_paths_received_together_counts():
     world = at_start(AHEAD)
     world.monitor.receive_batch(

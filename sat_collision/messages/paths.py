@@ -86,7 +86,7 @@ class Paths:
         latest, most = self.latest[settings.name], self._scene.settings.max_path_poses
         if not now or latest.data is None:
             return []
-        data, latest.data, latest.problem = latest.data, None, ''
+        data, latest.data = latest.data, None
         try:
             latest.stamp, latest.frame_id, poses = decode_path(data, most)
         except MessageError as error:

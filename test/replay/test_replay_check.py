@@ -284,9 +284,10 @@ def test_map_recorded_once_must_be_latched(tmp_path, storage, latched, verdict):
 @pytest.mark.parametrize('as_live', [False, True])
 @pytest.mark.parametrize('start, stamp, wall, verdict', [
     (2.0, 0, 0.5, Verdict.COLLISION), (2.0, 0, 3, Verdict.CLEAR),
-    (0.0, nanoseconds(0.3), 3, Verdict.CLEAR), (0.0, nanoseconds(8.0), 3, Verdict.CLEAR)],
+    (0.0, nanoseconds(0.3), 3, Verdict.CLEAR), (0.0, nanoseconds(8.0), 3, Verdict.CLEAR),
+    (0.0, nanoseconds(-86400.0), 3, Verdict.CLEAR)],
     ids=['received before the start, touched', 'received before the start', 'stamped ahead',
-         'stamped after the end'])
+         'stamped after the end', 'stamped on the day before'])
 def test_latched_map_counts_when_it_is_received(tmp_path, as_live, start, stamp, wall, verdict):
     """Its stamp does not extend the recording; a monitor that starts later is sent it, too."""
     messages = [('/obstacles', 0.0, serialised(points, stamp))
@@ -296,6 +297,7 @@ def test_latched_map_counts_when_it_is_received(tmp_path, as_live, start, stamp,
     result = check(bag, Options(as_live=as_live, start=start, parameters={
         f'{SOURCE}.timeout': 0.0}))
     assert (result.verdict, result.unknown, result.end) == (verdict, [], nanoseconds(4.9))
+    assert not any('--clock header' in note for note in result.notes)
 
 
 @pytest.mark.parametrize('as_live', [False, True])

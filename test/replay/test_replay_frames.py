@@ -137,9 +137,10 @@ def test_transforms_that_are_far_apart_place_what_is_received_late(tmp_path, as_
     assert not any(source.rejected for source in result.sources)
 
 
-def test_static_transforms_before_the_checked_part_are_used(tmp_path):
-    result = run(tmp_path / 'bag', drive(), start=1.0)
-    assert result.verdict is Verdict.COLLISION
+@pytest.mark.parametrize('clock, begin', [('receive', 0.0), (HEADER, 0.03)])
+def test_static_transforms_before_the_checked_part_are_used(tmp_path, clock, begin):
+    result = run(tmp_path / 'bag', drive(), start=1.0, clock=clock)
+    assert result.verdict is Verdict.COLLISION and seconds(result.origin) == begin
     assert all(set(source.rejected) <= {'no transform'} for source in result.sources)
 
 

@@ -291,6 +291,15 @@ def test_time_after_the_last_footprint_is_undetermined(tmp_path):
     assert footprint.clear == footprint.last - result.start - footprint.unknown
 
 
+def test_check_ends_at_the_last_stamp_where_all_is_received_late(tmp_path):
+    """In the 0.8 s until it was received no more is stamped, which is not unknown."""
+    messages = [message for k in range(40) for message in (
+        at(k / 10, box(0.0), 0.8, '/footprint'), at(k / 10, box(5.0), 0.8))]
+    result = run(tmp_path, messages, parameters={
+        f'{name}.timeout': 0.3 for name in ('footprint', SOURCE)})
+    assert (result.end, result.unknown) == (nanoseconds(3.9), [])
+
+
 @pytest.mark.parametrize('x, undetermined', [(0.0, []), (10.0, [3.0, 48.0])])
 def test_footprint_that_never_times_out_stands(tmp_path, x, undetermined):
     """It is silent for 45 s, and an obstacle touches it; then it is seen there, or elsewhere."""

@@ -350,7 +350,6 @@ class KeyTracker(Tracker):
         self._beside: set[ObstacleId] = set()
         # When shapes were sent that had not been there before.
         self._appeared: list[int] = []
-        self._is_first = True
 
     def place(self, placement: Placement, described: Described | None = None) -> None:
         if self._timeout == NEVER:
@@ -450,7 +449,7 @@ class KeyTracker(Tracker):
             end = round(min(now, over))
             if end > stamp:
                 standing[bodies][row] = end
-            if name.number > 0 and not sent.listing and (is_forgotten or is_over):
+            if name.number > 0 and (is_forgotten or is_over):
                 # The first new one since may be the same, elsewhere.
                 k = bisect_right(self._appeared, seen_at)
                 if k < len(self._appeared):
@@ -511,7 +510,7 @@ class KeyTracker(Tracker):
                     if not jumps and last.seen_at < stamp and not np.array_equal(
                             last.bodies.ring(last.row), seen.ring(row)):
                         self._miss(last.seen_at, stamp)
-            elif name.number > 0 and not one.listing and not self._is_first:
+            elif name.number > 0 and not one.listing:
                 insort(self._appeared, stamp)
             self._seen[name] = _LastSample(seen, row, one, stamp, stamp)
         gone = []
@@ -523,7 +522,6 @@ class KeyTracker(Tracker):
                 gone.append(name)
                 del self._seen[name]
         self._beside &= self._seen.keys()
-        self._is_first = False
         if self._appeared and self._timeout < NEVER:
             # Of no use for bodies that are still there.
             del self._appeared[:bisect_right(self._appeared, seen.begin - 3 * self._timeout)]

@@ -231,17 +231,21 @@ def test_contact_ends_where_it_is_not_known_how_the_footprint_moved(tmp_path, ch
     assert times(result, result.undetermined) == pytest.approx([before, after])
 
 
-@pytest.mark.parametrize('moves', [True, False])
-def test_polygon_that_may_have_moved_is_undetermined(tmp_path, moves):
+@pytest.mark.parametrize('seen, undetermined', [
+    ([(0, 20, 5.0), (20, 40, -5.0)], [1.9, 2.0]), ([(0, 40, 5.0), (20, 40, -5.0)], []),
+    ([(0, 10, 5.0), (10, 15, -5.0), (15, 40, 8.0)], [0.9, 1.0, 1.4, 1.5]),
+    ([(0, 38, 5.0), (38, 40, -5.0)], [3.7, 3.8]), ([(10, 11, 5.0), (10.5, 40, -5.0)], [])],
+    ids=['goes', 'stays', 'goes twice', 'goes at the end', 'goes after it came with the other'])
+def test_polygon_that_may_have_moved_is_undetermined(tmp_path, seen, undetermined):
     """Of sets without a declared end: one goes and one comes, or one comes to the other."""
-    messages = samples([0.0] * 40) + samples([5.0] * (20 if moves else 40), '/obstacles')
-    messages += [('/obstacles', k / 10, box(-5.0)) for k in range(20, 40)]
-    result = run(tmp_path, messages, None,
+    messages = samples([0.0] * 40) + [
+        at(k / 10, box(x)) for begin, end, x in seen for k in np.arange(begin, end)]
+    result = run(tmp_path, messages, None, max_unknown=1.5,
                  parameters={f'{SOURCE}.timeout': 0.3, 'future_tolerance': 0.1})
     assert result.contacts == []
     found = [one for one in result.undetermined if one.reasons[0].endswith('obstacle moved')]
-    assert times(result, found) == pytest.approx([1.9, 2.0] if moves else [])
-    assert result.verdict is (Verdict.UNKNOWN if moves else Verdict.CLEAR)
+    assert times(result, found) == pytest.approx(undetermined)
+    assert result.verdict is (Verdict.UNKNOWN if undetermined else Verdict.CLEAR)
 
 
 @pytest.mark.parametrize('place, undetermined, unknown', [

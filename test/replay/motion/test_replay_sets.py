@@ -328,6 +328,15 @@ def test_undetermined_time_counts_whatever_the_last_stamp_of_the_footprint_is(tm
     assert (result.verdict, result.footprints[0].last) == (Verdict.UNKNOWN, START + 20 * SECOND)
 
 
+def test_footprint_that_was_overtaken_leaves_the_motion_as_it_is(tmp_path):
+    """It is received 13 s after its stamp, so it is not put in its place, but ignored."""
+    messages = samples([0.0] * 201) + samples([2.0] * 201, '/obstacles')
+    result = run(tmp_path, [*messages, at(2.0, box(9.0), 13.05, '/footprint')],
+                 parameters={'footprint.timeout': 60.0})
+    assert [*result.sources[0].rejected] == ['older than the last']
+    assert (result.undetermined, result.verdict) == ([], Verdict.CLEAR)
+
+
 def test_footprint_stamped_by_another_clock_is_undetermined(tmp_path):
     """Its stamps are 11 s behind, and never compared with those of obstacles."""
     messages = [message for k in range(101) for message in (

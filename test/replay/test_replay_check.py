@@ -163,6 +163,17 @@ def test_only_what_a_footprint_waits_for_has_a_start_up(tmp_path, parameters, ve
     assert result.contacts == [] and result.verdict is verdict
 
 
+@pytest.mark.parametrize('as_live', [False, True])
+def test_disabled_footprint_does_not_count(tmp_path, as_live):
+    """It is in contact, and sometimes of another shape."""
+    messages = [('/obstacles', k / 10, box(3.0)) for k in range(20)] + [
+        message for k in range(20) for message in (
+            ('/footprint', k / 10, box(0.0)), ('/other', k / 10, box(3.0)[:3 + k % 2]))]
+    result = run(tmp_path, messages, as_live=as_live, parameters={
+        'footprints': ['footprint', 'other'], 'other.enabled': False})
+    assert (result.contacts, result.verdict) == ([], Verdict.CLEAR)
+
+
 def test_release_delay(tmp_path):
     """The state stays collision for the delay, but the contact ends."""
     result = run(tmp_path, drive(), MARKS, as_live=True, parameters={'release_delay': 0.55})

@@ -330,8 +330,8 @@ class Result:
     @property
     def too_undetermined(self) -> list[FootprintResult]:
         """The footprints whose motion, or that of obstacles, was undetermined for too long."""
-        return [footprint for footprint in self.footprints if footprint.enabled and (
-            self.undetermined_of(footprint) > 1e9 * self.options.max_undetermined)]
+        return [footprint for footprint in self.footprints
+                if self.undetermined_of(footprint) > 1e9 * self.options.max_undetermined]
 
     def undetermined_of(self, footprint: FootprintResult) -> int:
         """Return for how long (ns) motion was undetermined after start-up, before its end."""
@@ -357,7 +357,7 @@ class Result:
     def planners(self) -> list[FootprintResult]:
         """The footprints whose plans count for the verdict."""
         return [one for one in self.footprints if self.options.fail_on == PLAN
-                and one.enabled and one.plans is not None]
+                and one.plans is not None]
 
     @property
     def verdict(self) -> Verdict:

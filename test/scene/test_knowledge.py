@@ -461,11 +461,12 @@ def test_namesake_that_still_sends_counts(number):
     assert stream.faults()
 
 
-@pytest.mark.parametrize('other', [B, Endpoint('c')])
-def test_publisher_of_another_node_counts(other):
-    """Rule 11: also while its name is unknown."""
+@pytest.mark.parametrize('one, other', [
+    (A, B), (A, Endpoint('c')), (Endpoint('a'), Endpoint('c'))])
+def test_publisher_of_another_node_counts(one, other):
+    """Rule 11: also while its name is unknown, or both are."""
     stream = Stream()
-    play(stream, [[A], 1, 2, [A, other], 1, 2])
+    play(stream, [[one], 1, 2, [one, other], 1, 2])
     assert stream.faults()
 
 
@@ -479,3 +480,15 @@ def test_restarted_stream_begins_with_number_1():
     assert play(stream, [3, 4, 5]) == [CONTINUES] * 3
     assert stream.faults() == []
     assert play(stream, [[A, B]]) == [True], 'the number 1 was that of a'
+
+
+def test_map_requested_twice_is_awaited_as_the_second_time_says():
+    """The first request was soon after another publisher had gone, so it had a time limit."""
+    stream = Stream()
+    play(stream, [[A], 1, 2, 3, [A, B], [A]])
+    stream.restart(0)
+    play(stream, [1, 2, 3])
+    stream.restart(10**9)
+    play(stream, [1, 2])
+    stream.pass_time(10**9 + 1)
+    assert stream.faults() == ['is being received again from the start']

@@ -303,6 +303,39 @@ def test_new_publisher_is_reported_at_once_beside_one_that_has_gone(graph):
     assert look() == ['/b']
 
 
+def test_publisher_that_came_and_went_between_two_looks_is_reported(graph):
+    """It may have sent something; one that the graph does not show yet has not gone."""
+    infos, look, publishers = graph
+
+    def match(count, new):
+        publishers.note_matched(SimpleNamespace(current_count=count, total_count_change=new))
+    infos += [info('a'), info('other')]
+    infos[1].topic_type = 'std_msgs/msg/String'
+    match(1, 1)
+    assert [look(), look()] == [['/other', '/a'], None]
+    match(2, 1)
+    match(1, 0)
+    assert [look(), look()] == [['/other', '/a', 'one that has gone'], ['/other', '/a']]
+    match(2, 1)
+    assert look() is None
+    infos.append(info('b'))
+    assert [look(), look()] == [['/other', '/a', '/b'], None]
+    publishers.forget_matched()
+    match(2, 2)
+    assert look() is None, 'a new subscription is matched with them again'
+
+
+def test_what_no_event_tells_is_found_within_ten_looks(graph):
+    """One publisher is in place of another; a name is asked for at each look until known."""
+    infos, look, _ = graph
+    infos.append(info('_NODE_NAME_UNKNOWN_'))
+    assert look() == ['']
+    infos[0].node_name = 'a'
+    assert look() == ['/a']
+    infos[:] = [info('b')]
+    assert [news for _ in range(11) if (news := look()) is not None] == [['/b']]
+
+
 def test_lost_liveliness_is_that_of_a_publisher_which_is_still_there(graph):
     """Fast DDS counts down to -1, and not down when one that has died leaves."""
     infos, look, publishers = graph
@@ -313,11 +346,12 @@ def test_lost_liveliness_is_that_of_a_publisher_which_is_still_there(graph):
         look()
         return [one.node for one in publishers.reported]
     infos += [info('a'), info('b')]
-    assert [reported(0, 0), reported(1, 1)] == [['/a', '/b'], ['/b']]
+    assert reported(0, 0) == ['/a', '/b']
+    infos.reverse()
+    assert reported(1, 1) == ['/b'], 'the oldest one is dead, in whatever order they are listed'
     assert reported(-1, -2) == ['/a', '/b']
     assert reported(1, 1) == ['/b']
-    del infos[0]
-    infos.append(info('c'))
+    infos[:] = [info('b'), info('c')]
     assert reported(1, 0) == ['/b', '/c']
 
 

@@ -129,7 +129,6 @@ class Publishers:
         if self._unseen <= 0:
             return False
         self._unseen = 0
-        self.changed = True
         return True
 
     def _look(self) -> list[Endpoint]:

@@ -286,7 +286,7 @@ def test_departure_is_reported_at_the_next_look(graph):
     """By then its last messages have been received; it waits longer while any are queued."""
     infos, look, _ = graph
     infos += [info('a'), info('b')]
-    assert look() == ['/a', '/b']
+    assert [look(True), look(True)] == [['/a', '/b'], None]
     del infos[0]
     assert [look(), look(), look()] == [None, ['/b'], None]
     del infos[0]
@@ -309,6 +309,9 @@ def test_publisher_that_came_and_went_between_two_looks_is_reported(graph):
 
     def match(count, new):
         publishers.note_matched(SimpleNamespace(current_count=count, total_count_change=new))
+    match(1, 1)
+    match(0, 0)
+    assert [look(), look()] == [['one that has gone'], []]
     infos += [info('a'), info('other')]
     infos[1].topic_type = 'std_msgs/msg/String'
     match(1, 1)
@@ -327,13 +330,16 @@ def test_publisher_that_came_and_went_between_two_looks_is_reported(graph):
 
 def test_what_no_event_tells_is_found_within_ten_looks(graph):
     """One publisher is in place of another; a name is asked for at each look until known."""
-    infos, look, _ = graph
+    infos, look, publishers = graph
     infos.append(info('_NODE_NAME_UNKNOWN_'))
     assert look() == ['']
     infos[0].node_name = 'a'
     assert look() == ['/a']
     infos[:] = [info('b')]
     assert [news for _ in range(11) if (news := look()) is not None] == [['/b']]
+    infos[:] = [info('c')]
+    publishers.note_matched(SimpleNamespace(current_count=1, total_count_change=1))
+    assert [look(), look()] == [None, ['/c']], 'an event tells it at once'
 
 
 def test_lost_liveliness_is_that_of_a_publisher_which_is_still_there(graph):

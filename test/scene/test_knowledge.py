@@ -444,19 +444,24 @@ def test_second_publisher_is_found_by_message_numbers():
 def test_killed_publisher_does_not_count_beside_its_successor():
     """Rule 11: the middleware lists it until its lease ends."""
     stream = Stream()
-    play(stream, [[A], 1, 2, [A, A_AGAIN]])
+    play(stream, [[A], *range(1, 11), [A, A_AGAIN]])
     assert stream.faults(), 'the new one has sent nothing yet'
     assert play(stream, [1]) == [BEGUN]
     assert stream.publishers == [A_AGAIN] and stream.faults() == []
-    assert play(stream, [2, [A_AGAIN], 3]) == [CONTINUES, False, CONTINUES]
+    assert play(stream, [2, 5]) == [CONTINUES, LOST]
+    assert stream.faults() == [], 'number 5 of the killed one was received before'
+    assert play(stream, [[A_AGAIN], 6]) == [False, CONTINUES]
 
 
+@pytest.mark.parametrize('is_interrupted', [False, True])
 @pytest.mark.parametrize('number', [3, 4, 50])
-def test_namesake_that_still_sends_counts(number):
+def test_namesake_that_still_sends_counts(number, is_interrupted):
     """Rule 11: if the older one is received again there are two, whatever its number."""
     stream = Stream()
     play(stream, [[A], *range(1, 11), [A, A_AGAIN], 1, 2, 3, 4])
     assert stream.faults() == []
+    if is_interrupted:
+        stream.interrupt()
     play(stream, [number])
     assert stream.faults()
 

@@ -401,7 +401,9 @@ def play(stream, events, now=0):
     # Number 1 may come before its publisher is announced; that announcement then ends nothing.
     ([1, [A], 2], [BEGUN, False, CONTINUES]),
     ([[], 1, [A], 2, [A, B], 3], [False, BEGUN, False, CONTINUES, True, JOINED]),
-    ([[A], 1, 1, [], [B], 2], [True, BEGUN, BEGUN, False, False, CONTINUES])])
+    ([[A], 1, 1, [], [B], 2], [True, BEGUN, BEGUN, False, False, CONTINUES]),
+    # Two at once may both have sent.
+    ([1, [A, B], 2], [BEGUN, True, JOINED])])
 def test_streams(events, news):
     """Rule 10: which messages are of one publisher, without a gap."""
     assert play(Stream(), events) == news
@@ -439,6 +441,8 @@ def test_second_publisher_is_found_by_message_numbers():
     assert stream.faults()
     stream.pass_time(1001)
     assert stream.faults() == []
+    play(stream, [3, [B]])
+    assert stream.faults() == [], 'its end is reported'
 
 
 def test_killed_publisher_does_not_count_beside_its_successor():
@@ -453,6 +457,23 @@ def test_killed_publisher_does_not_count_beside_its_successor():
     assert play(stream, [[A_AGAIN], 6]) == [False, CONTINUES]
 
 
+UNNAMED = Endpoint('c')
+
+
+@pytest.mark.parametrize('events, news', [
+    ([1, 2, [A, UNNAMED], 1, [A, A_AGAIN], 2],
+     [BEGUN, CONTINUES, True, BEGUN, False, CONTINUES]),
+    ([1, 2, 1, [A, A_AGAIN], 2], [BEGUN, CONTINUES, BEGUN, False, CONTINUES]),
+    ([1, 2, 1, [A, A_AGAIN], 1], [BEGUN, CONTINUES, BEGUN, False, BEGUN]),
+    ([1, [A, B], 2, [A], [A, A_AGAIN], 1], [BEGUN, True, JOINED, True, True, BEGUN])],
+    ids=['named late', 'heard before it is listed', 'received again', 'after another'])
+def test_successor_of_a_killed_publisher_counts_alone(events, news):
+    """Rule 11: however late its node is reported, and whoever was there before."""
+    stream = Stream()
+    assert play(stream, [[A], *events]) == [True, *news]
+    assert stream.publishers == [A_AGAIN] and stream.faults() == []
+
+
 @pytest.mark.parametrize('is_interrupted', [False, True])
 @pytest.mark.parametrize('number', [3, 4, 50])
 def test_namesake_that_still_sends_counts(number, is_interrupted):
@@ -463,7 +484,8 @@ def test_namesake_that_still_sends_counts(number, is_interrupted):
     if is_interrupted:
         stream.interrupt()
     play(stream, [number])
-    assert stream.faults()
+    stream.pass_time(2 * 10**9)
+    assert stream.faults(), 'not only while numbers show it'
 
 
 @pytest.mark.parametrize('one, other', [

@@ -171,6 +171,15 @@ def test_obstacles_received_before_the_frame_is_known(settings):
         assert (stage.state().reasons == ()) == (settings is LIDAR or time > 3)
 
 
+def test_set_of_which_a_part_is_in_another_frame_is_not_whole():
+    """Its frame is known only when the first footprint comes, before the set ends."""
+    stage = Stage()
+    stage.see(0.5, frame='map')
+    stage.robot(frame='odom')
+    stage.end()
+    assert stage.status() == 'unknown'
+
+
 def test_refusal_before_the_frame_is_known_keeps_its_reason():
     stage = Stage()
     stage.refuse('not finite')

@@ -475,6 +475,8 @@ def test_open_update_of_a_map_makes_it_unknown_though_the_clock_goes_back():
     for back in (1.001, -3600.0):
         stage = with_robot(UNTIMED_LIDAR).send_all(10)
         stage.see(20)
+        # A parameter is changed meanwhile.
+        assert stage.at(1.0).use(margin=0.1).told == ('clear', ())
         stage.at(back).robot()
         assert stage.told == ('unknown', (
             LIDAR_SAYS + 'has not sent a whole map since it began to send another one',))

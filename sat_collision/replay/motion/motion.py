@@ -121,9 +121,12 @@ class Sweep:
             self.trajectory.stand(finish)
             self._decide()
 
-    def use_frame(self, frame_id: str) -> None:
-        """Drop the queued steps in other frames."""
-        self._waiting = deque(one for one in self._waiting if one[1].frame_id == frame_id)
+    def use_frame(self, frame_id: str, now: int) -> None:
+        """Decide the steps in other frames: nothing links what was in these to a later sample."""
+        if self.trajectory.latest is not None:
+            self.trajectory.lose(now)
+        while self._waiting and self._waiting[0][1].frame_id != frame_id:
+            self._decide()
 
     def finish(self) -> None:
         """Decide all that is left."""
@@ -286,11 +289,13 @@ class RecordedMotion:
 
     def _place_footprint(self, sweep: Sweep, placement: Placement, sample: Bodies) -> None:
         if placement.frame_id != self._frame_id:
-            self._frame_id = placement.frame_id
-            for tracker in self._trackers.values():
+            before, self._frame_id = self._frame_id, placement.frame_id
+            for name, tracker in self._trackers.items():
+                if before:
+                    tracker.rest(self._now, True, self._scene.joined(name)[0])
                 tracker.use_frame(self._frame_id)
             for other in self._sweeps.values():
-                other.use_frame(self._frame_id)
+                other.use_frame(self._frame_id, self._now)
         trajectory, stamp = sweep.trajectory, placement.stamp
         begin = trajectory.begin_of_link(stamp) if sweep.settings.has_outline else None
         if begin is not None and self._is_static(sweep.settings.frame_id, stamp):

@@ -231,6 +231,24 @@ def test_contact_ends_where_it_is_not_known_how_the_footprint_moved(tmp_path, ch
     assert times(result, result.undetermined) == pytest.approx([before, after])
 
 
+@pytest.mark.parametrize('x, contacts', [(-5.0, [1.86, 2.0]), (5.0, [])])
+def test_motion_from_one_frame_to_another_is_undetermined(tmp_path, x, contacts):
+    """
+    None is fixed: the footprint is last seen in one at 2.0 s and first in the other at 2.5.
+
+    The last set in the one, from 2.4 s on, is not known to be whole; the one before is of 1.5 s.
+    """
+    messages = [(topic, k / 10, serialised(
+        box(place), nanoseconds(k / 10), 'map' if k < 25 else 'odom'))
+        for topic, gap, place in (('/footprint', (21, 25), 0.0), ('/obstacles', (16, 25), 5.0))
+        for k in range(50) if k not in range(*gap)]
+    messages.append(('/obstacles', 2.4, box(x)))
+    result = run(tmp_path, messages)
+    assert times(result) == pytest.approx(contacts)
+    assert times(result, result.undetermined) == pytest.approx([1.5, 2.0, 2.0, 2.5])
+    assert result.verdict is (Verdict.COLLISION if contacts else Verdict.UNKNOWN)
+
+
 @pytest.mark.parametrize('seen, undetermined', [
     ([(0, 20, 5.0), (20, 40, -5.0)], [1.9, 2.0]), ([(0, 40, 5.0), (20, 40, -5.0)], []),
     ([(0, 10, 5.0), (10, 15, -5.0), (15, 40, 8.0)], [0.9, 1.0, 1.4, 1.5]),

@@ -332,8 +332,8 @@ class Listings(Knowledge):
 
     def _replaces(self, message: Message) -> bool:
         """Return whether a message that is a set by itself replaces the last one."""
-        is_older = self._whole and message.stamp < self._whole.stamp
-        return not message.refusal and not (is_older and self.timeout < NEVER)
+        return (not self._whole or message.stamp >= self._whole.stamp
+                or self.timeout == NEVER)
 
     def _close(self, now: int) -> None:
         """End the open listing, which replaces all older ones if it is whole."""

@@ -177,6 +177,7 @@ def test_sets_that_end_with_a_new_stamp(messages, held, is_known):
 @pytest.mark.parametrize('messages, held, is_known', [
     ('~a1', 'a', True),
     ('~a1 b2', 'b', True),
+    ('~a1 b1', 'b', True),
     ('~a1 !b5', 'b', True),
     ('~a1 .2', '', True),
     ('~a1 1001', 'a', True),
@@ -247,6 +248,7 @@ def test_maps(set_end, messages, held, is_known):
     ('^a1 b1002@1000 c1900 d2101', 'cd', True),
     # A loss, a refused message, one that cannot be read.
     ('^a1 b501 c1102 !d1200', 'bcd', False),
+    ('^a1 b501 c1102 !.0', 'bc', False),
     ('^a1 b501 c1102 !d1200 e1800 f2300', 'ef', False),
     ('^a1 b501 c1102 !d1200 e1800 f2301', 'ef', True),
     ('^a1 b501 c1102 D1200', 'bc', False),

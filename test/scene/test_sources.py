@@ -157,6 +157,21 @@ def test_clock_that_went_back_by_much_begins_anew(settings):
     assert stage.told == ('clear', ())
 
 
+@pytest.mark.parametrize('name', ['robot', 'lidar'])
+def test_numbers_of_two_publishers_are_no_longer_a_fault_once_the_clock_went_back(name):
+    """They would be until it is as late as it was."""
+    stage = with_robot(UNTIMED_LIDAR).publish_by('a', name=name)
+    for number in (9, 5):
+        stage.numbers[name] = number
+        stage.robot()
+        stage.end()
+    assert 'two publishers' in stage.state().reasons[0]
+    stage.at(-600.0).robot()
+    stage.end()
+    assert 'two publishers' in stage.state().reasons[0]
+    assert stage.at(-598.999).send_all(10).told == ('clear', ())
+
+
 # --- refused
 
 
@@ -517,14 +532,16 @@ def test_map_met_in_its_middle_is_requested_again_unless_its_publisher_keeps_no_
     assert stage.scene.wants_history('lidar')
 
 
-def test_map_of_a_publisher_that_has_gone_is_not_waited_for_for_long():
+@pytest.mark.parametrize('now', [0.0, -600.0])
+def test_map_of_a_publisher_that_has_gone_is_not_waited_for_for_long(now):
     """It was requested again, and has more messages than that of the other one."""
     stage = with_robot(UNTIMED_LIDAR).publish_by('a').send_all(10, 20, 30)
     stage.scene.renew('lidar')
     stage.publish_by('a', 'b').publish_by('b')
     stage.restart()
     assert stage.send_all(40).status() == 'unknown'
-    assert stage.at(1.001).told == ('clear', ())
+    stage.at(now).robot()
+    assert [stage.at(now + wait).status() for wait in (1.0, 1.001)] == ['unknown', 'clear']
 
 
 def test_map_stays_until_a_new_publisher_sends_a_whole_one():

@@ -85,6 +85,15 @@ def test_footprint_stamped_ahead_does_not_block_later_ones():
     assert stage.robot(20, stamp=0.04) == 'older than the last'
 
 
+def test_footprint_counts_though_the_clock_went_back_a_little():
+    """The last one is not ahead of it then, and its age is 0."""
+    stage = clear_stage(UNTIMED_LIDAR)
+    stage.at(0.9).robot()
+    assert stage.at(0.0).state().age == 0.0
+    assert stage.robot(10.5) is None
+    assert stage.status() == 'collision'
+
+
 def test_footprint_further_ahead_than_the_tolerance_is_refused():
     stage = clear_stage(UNTIMED_LIDAR, future_tolerance=0.5)
     assert stage.robot(stamp=0.5) is None
@@ -264,6 +273,13 @@ def test_contacts_with_monitored_sources():
         stage.robot(x)
         assert stage.status() == status
     assert stage.use(margin=0.5).state().contacts == (ObstacleId('walls', 0),)
+
+
+def test_contacts_told_are_those_of_now():
+    stage = with_robot(LIDAR)
+    for places, keys in (((0.5,), [0]), ((0.5, 0.6), [0, 1]), ((9, 0.6), [1]), ((0.6,), [0])):
+        stage.send_all(*places)
+        assert [one.key for one in stage.state().contacts] == keys
 
 
 def test_faults_of_other_sources_are_ignored():

@@ -135,9 +135,7 @@ class Footprint(Body[Obstacle]):
     def set_back(self, now: int) -> None:
         """Reset all times, because the clock was set back."""
         self.stream.set_back(now)
-        self.command = None
-        self.received = self._clear_since = None
-        self._release = NEVER
+        self.command = self.received = None
 
     def find_stream_faults(self, now: int) -> bool:
         """Update the faults of the publishers; return whether they have changed."""

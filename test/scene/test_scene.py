@@ -228,6 +228,14 @@ def test_step_back_in_time_resets_the_frame():
     assert stage.status() == 'clear'
 
 
+def test_footprint_of_before_the_clock_went_back_has_no_say_in_the_frame():
+    """Otherwise there would be none until it is as late as it was."""
+    stage = clear_stage(footprints=[ROBOT, CART])
+    stage.robot(name='cart')
+    assert stage.at(-600.0).robot(frame='odom') is None
+    assert stage.scene.frame_id == 'odom'
+
+
 def test_refused_or_disabled_footprint_does_not_set_the_frame():
     stage = Stage(footprints=[replace(CART, enabled=False), ROBOT])
     stage.refuse(name='robot')

@@ -286,6 +286,16 @@ def test_one_message_is_a_whole_set():
         assert (world.contacts, len(world.scene.obstacles)) == (contacts, len(polygons))
 
 
+def test_older_message_replaces_no_newer_one_of_which_a_part_was_refused():
+    """Both count, and not all is known, until a newer one comes."""
+    world = Collections()
+    world.see(box(0.5), BOW_TIE)
+    world.see(box(5), ago=0.1)
+    assert world.contacts == ['lidar/0'] and 'self-intersecting' in world.faults
+    world.at(0.1).see(box(8))
+    assert world.status() == 'clear' and len(world.scene.obstacles) == 1
+
+
 def test_polygons_that_are_far_are_placed_together_from_the_first_message_on(monkeypatch):
     """Sets of changing sizes make several groups grow, and the array that they share."""
     alone = []

@@ -331,9 +331,9 @@ class Listings(Knowledge):
         self._open.is_sound &= is_newer and message.continuity is CONTINUES and not self._is_unread
 
     def _replaces(self, message: Message) -> bool:
-        """Return whether a message that is a set by itself replaces the last one."""
-        return (not self._whole or message.stamp >= self._whole.stamp
-                or self.timeout == NEVER)
+        """Return whether a message that is a set by itself replaces those before it."""
+        return self.timeout == NEVER or all(
+            message.stamp >= one.stamp for one in self._held[:-1])
 
     def _close(self, now: int) -> None:
         """End the open listing, which replaces all older ones if it is whole."""

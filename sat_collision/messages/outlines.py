@@ -125,9 +125,9 @@ class Outlines:
         return (Polygon(polygon.vertices * (1, -1)) if is_upside_down(self._outlines[name].affine)
                 else polygon)
 
-    def carriers(self) -> set[str]:
+    def moving_frames(self) -> set[str]:
         """Return the frames by whose transforms on /tf outlines move."""
-        return {self._transforms.frames.carrier(settings.frame_id) for one in
+        return {self._transforms.frames.moving_frame(settings.frame_id) for one in
                 self._outlines.values() if not (settings := one.settings).odometry}
 
     @property

@@ -363,7 +363,7 @@ class _Check:
                               {topic: timeout for timeout, topic in timeouts})
         if by_header:
             return by_stamps_as_received(
-                read, {TF_STATIC, *self._timeless}, self._monitor.outlines.carriers)
+                read, {TF_STATIC, *self._timeless}, self._monitor.outlines.moving_frames)
         return ArrivalOrder(read)
 
     def _begin_outputs(self) -> None:

@@ -245,18 +245,18 @@ class StampOrder:
 
 
 def by_stamps_as_received(rows: Iterable[Row], timeless: Collection[str],
-                          carriers: Callable[[], Collection[str]]) -> Iterator[Timed]:
+                          frames: Callable[[], Collection[str]]) -> Iterator[Timed]:
     """
     Yield messages as received, each with its stamp; 0 where it has none or is of `timeless`.
 
-    On /tf only the stamps of `carriers` count, the frames that move outlines: others, such as a
-    map's, may be stamped ahead.
+    On /tf only the stamps of `frames` count, by which outlines move: those of others, such as a
+    map's, may be ahead.
     """
     for topic, _, messages in rows:
         for data in messages:
             if topic == TF:
-                moving = carriers()
-                time = max((stamp for frame, stamp in _stamps_of(data) if frame in moving),
+                moving = frames()
+                time = max((stamp for frame, stamp in _frames_of(data) if frame in moving),
                            default=0)
             else:
                 time = 0 if topic in timeless else header_stamp(data)
@@ -278,9 +278,7 @@ def until_set_back(rows: Iterable[Row], tolerances: Mapping[str, int],
     late: dict[str, int] = {}
     for topic, times, messages in rows:
         for k, data in enumerate(messages if topic in tolerances else ()):
-            for name, stamp in ([(f'frame {in_quotes(child)} on {TF}', stamp)
-                                 for child, stamp in _stamps_of(data)] if topic == TF
-                                else [(topic, header_stamp(data))]):
+            for name, stamp in _named_stamps(topic, data):
                 before = latest.get(name, stamp)
                 oldest = before - tolerances[topic]
                 if not stamp or not oldest <= stamp <= before and (
@@ -299,7 +297,16 @@ def until_set_back(rows: Iterable[Row], tolerances: Mapping[str, int],
         yield topic, times, messages
 
 
-def _stamps_of(data: bytes) -> list[tuple[str, int]]:
+def _named_stamps(topic: str, data: bytes) -> Iterator[tuple[str, int]]:
+    """Yield the stamp of a topic, or those of the frames on /tf, each with its name in words."""
+    if topic != TF:
+        yield topic, header_stamp(data)
+        return
+    for frame, stamp in _frames_of(data):
+        yield f'frame {in_quotes(frame)} on {TF}', stamp
+
+
+def _frames_of(data: bytes) -> list[tuple[str, int]]:
     """Return the child frames of a message of /tf with their stamps, none if it is damaged."""
     try:
         return [(child.removeprefix('/'), stamp) for _, child, stamp, _ in decode_transforms(data)]

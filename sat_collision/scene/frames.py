@@ -282,8 +282,8 @@ class Frames:
         return (self._climb(frame, None, (other,))[1] == other
                 or frame != parent and self._climb(other, None, (frame, parent))[1] == frame)
 
-    def carrier(self, frame: str) -> str:
-        """Return a frame, or the first one above it, that is not static in its parent."""
+    def moving_frame(self, frame: str) -> str:
+        """Return the first frame, from one upwards, that is not static in its parent."""
         steps, top = self._climb(frame, None)
         return next((name for name in steps if name not in self._static), top)
 

@@ -256,19 +256,24 @@ def test_rate_of_an_outline_does_not_coarsen_its_motion(tmp_path):
 @pytest.mark.parametrize('as_live', [False, True])
 @pytest.mark.parametrize('frame', ['base', 'base_footprint'])
 def test_outline_that_moves_by_tf_moves_the_clock_of_stamps(tmp_path, as_live, frame):
-    """It drives on after obstacles have fallen silent, and the map's frame is stamped ahead."""
+    """
+    It drives on after obstacles have fallen silent.
+
+    The transform of a cart, which moves by odometry, is stamped ahead.
+    """
     messages = [('/tf_static', 0.0, transforms(('base_footprint', 'base', 0, 0.0, 0.0)))]
     for k in range(50):
         time = k / 10
         links = [('odom', frame, nanoseconds(time), time, 0.0),
-                 ('odom', 'map', nanoseconds(time + 0.9), 0.0, 0.0)]
+                 ('odom', 'cart', nanoseconds(time + 0.9), 0.0, 0.0)]
         messages.append(('/tf', time, transforms(*links)))
         if time <= 1.0:
             messages += [('/obstacles', time, serialised(points, nanoseconds(time), 'odom'))
                          for points in (box(9.0), [])]
     result = run(tmp_path / 'bag', messages, {
-        **PARAMETERS, **declared(MARKS), 'footprint.points': ARM, 'footprint.frame_id': 'base'},
-        clock=HEADER, as_live=as_live)
+        **PARAMETERS, **declared(MARKS), 'footprint.points': ARM, 'footprint.frame_id': 'base',
+        'footprints': ['cart', 'footprint'], 'cart.points': ARM, 'cart.frame_id': 'cart',
+        'cart.odometry': '/odometry'}, clock=HEADER, as_live=as_live)
     assert result.verdict is Verdict.UNKNOWN
     assert (result.start, result.end) == (nanoseconds(0.0), nanoseconds(4.9))
     assert seconds(result.unknown[-1].first) == pytest.approx(1.3, abs=1e-6)

@@ -97,7 +97,7 @@ class Tracker(ABC):
     @abstractmethod
     def rest(self, now: int, is_over: bool = False, listing: int = 0) -> None:
         """
-        Extend bodies not received for long, or all if the recording is over, standing still.
+        Extend bodies not received for long, or all where the recording or its frame ends, at rest.
 
         Then `listing` is that of the last message, which may have been refused.
         """
